@@ -21,7 +21,7 @@ from seatrial.check.campaign import check_campaign
 from seatrial.cli import app
 from seatrial.intake.survey import survey
 from seatrial.logs import open_log
-from seatrial.logs.log import CHUNK_ROWS, Chunk, Log, Share
+from seatrial.logs.log import READING_SETTINGS, Chunk, Log, Share
 
 T = np.arange(0.0, 120.0, 0.1)
 
@@ -292,7 +292,7 @@ def test_only_wanted_fields_are_read_in_chunks(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr(kind, "chunks", watched)
     st.import_logs(path)
     assert asked[-1] == {"yaw", "depth", "rpm"}
-    assert max(sizes) <= CHUNK_ROWS < len(t)
+    assert max(sizes) <= READING_SETTINGS.chunk_rows < len(t)
 
 
 def test_a_channel_all_of_whose_samples_are_masked_compares_nothing(tmp_path: Path) -> None:

@@ -125,7 +125,7 @@ def test_a_delay_where_the_search_ends_is_no_estimate() -> None:
     table = motion.columns(T, velocity_late=2.4, noise=2e-3)  # 1 s is searched
     report = Trial.read(table).report
     assert "velocity" not in report.latencies
-    assert "lies at the end of the range" in str(report)
+    assert "is at the end of the search" in str(report)
     late = consistency(log(5, Errors(rates_late=1.495), 100.0))
     assert not any(one.key == "delay_s.rates" for one in late.corrections)
     for edge, inside in product((-1.0, 1.0), (0.5, 0.9)):

@@ -29,37 +29,41 @@ if TYPE_CHECKING:
     from seatrial.inspect.consistency_result import Correction, SlowCurrent
     from seatrial.trial.trial import Trial
 
-_SEEN = 0.5  # share of valid samples that a channel needs
 
-_LEAST_ANGLE = 0.035  # rad: a roll or pitch that spreads less tells nothing of what rights the vehicle
+@dataclass(frozen=True)
+class CampaignDraftSettings:
+    """What a drafted campaign asks for, and what it takes for known beforehand."""
 
-_INERTIA, _DAMPING = 4.0, 3.0
-"""How far the bounds of a hovering vehicle are widened: its thrust and levers are held, right or wrong, and
-what turns and what damps it takes their error over."""
+    seen_share: float = 0.5  #: of valid samples that a channel needs
+    #: rad: a roll or pitch that spreads less tells nothing of what rights the vehicle
+    least_angle_rad: float = 0.035
+    #: of the bounds of a hovering vehicle's inertia: its thrust and levers are held, right or wrong, and what
+    #: turns takes their error over
+    inertia_widening: float = 4.0
+    damping_widening: float = 3.0  #: the same of its damping
+    #: bounds of a fin's gain: the fins of a field mission in another simulator had 0.16 and 0.23 of the lift
+    #: that their aspect ratio gives
+    fin_gain: tuple[float, float] = (0.1, 3.0)
+    #: that a drafted campaign asks for: Beluga's log kept four, and a further one costs a minute
+    proposal_rounds: int = 6
+    #: m, deviation of a lever: it is measured to the flange, while the thrust acts in the duct and pushes on
+    #: the frame by its wash
+    lever_sd_m: float = 0.03
+    #: the same as a part of it: Beluga's arm about the roll axis is 0.30 m where its file says 0.22
+    lever_sd_share: float = 0.1
+    #: m off O that the drag of an open frame may act: it bounds ``K_v``, ``M_u`` and ``N_v``
+    off_centre_m: float = 0.1
+    drift_lift: float = 0.25  #: largest lift along the drift, over that of the vehicle file
 
-_GAIN = (0.1, 3.0)
-"""Bounds of a fin's gain: the fins of a field mission in another simulator had 0.16 and 0.23 of the lift that
-their aspect ratio gives."""
+
+SETTINGS = CampaignDraftSettings()
+
 
 _THRUST = {"bounds": [0.25, 4.0], "sd": 0.15}
 """What is known beforehand of one thruster's thrust over its curve: propellers of a batch differ by some per
 cent, the flow about the hull and the wash of the others by more. Another propeller than the table's may push
 several times as much: of Beluga's eight, seven were 0.71 to 1.13 and one 2.1."""
 
-_ROUNDS = 6
-"""Rounds of proposals that a drafted campaign asks for: Beluga's log kept four, and a further one costs a
-minute."""
-
-_ARM_M, _ARM = 0.03, 0.1
-"""What is known beforehand of a lever, m and as a part of it: thrusters are measured to their flange by tape,
-while the thrust acts in their duct and pushes on the frame by its wash. Beluga's arm about the roll axis is
-0.30 m where its file says 0.22."""
-
-_OFF_CENTRE_M = 0.1
-"""How far off O the drag of an open frame may act, m: it bounds ``K_v``, ``M_u`` and ``N_v``."""
-
-_ALONG = 0.25
-"""Largest lift along the drift, over that of the vehicle file."""
 
 _LIFT = ("uv", "ur", "uw", "uq", "ud")
 
@@ -142,7 +146,9 @@ def _commanded(vehicle: Vehicle, trial: Trial, axis: str) -> bool:
 def _shown(trial: Trial, channel: str) -> bool:
     """Whether a trial has a channel that moves; of roll and pitch rates, whether the angle does, too."""
     angle = {"p": "roll", "q": "pitch"}.get(channel)
-    if angle is not None and not (angle in trial.channels and _spread(trial, angle) > _LEAST_ANGLE):
+    if angle is not None and not (
+        angle in trial.channels and _spread(trial, angle) > SETTINGS.least_angle_rad
+    ):
         return False
     return channel in trial.channels and _spread(trial, channel) > 0.0
 
@@ -151,7 +157,7 @@ def _spread(trial: Trial, channel: str) -> float:
     """Standard deviation of a channel, SI; 0 where it is hardly ever valid."""
     k = CHANNELS.index(channel)
     good = trial.valid[:, k]
-    return float(np.std(trial.observed[good, k])) if good.mean() > _SEEN else 0.0
+    return float(np.std(trial.observed[good, k])) if good.mean() > SETTINGS.seen_share else 0.0
 
 
 def campaign_text(name: str, vehicle: Vehicle | None, drafted: Sequence[DraftedTrial]) -> str:
@@ -343,7 +349,7 @@ def _stages(vehicle: Vehicle, drafted: Sequence[DraftedTrial]) -> list[str]:
         ]
     elif not any(trial.rate_hz for trial in usable):
         lines.append(
-            f"{line('proposal_rounds', _ROUNDS)} # what the residuals ask for is tried, and kept if better"
+            f"{line('proposal_rounds', SETTINGS.proposal_rounds)} # residuals propose, better ones stay"
         )
     frame = [] if slender else [*_levers(vehicle, freed), *_off_centre(vehicle, freed)]
     return lines + _known(vehicle, usable, frame)
@@ -381,7 +387,7 @@ def _levers(vehicle: Vehicle, freed: str) -> list[str]:
         for axis in (axis for axis in "KMN" if axis in freed):
             arms = [present.get(f"{name}.lever_{axis}", 0.0) for name in members]
             if all(arms):
-                sd = max(_ARM, _ARM_M / float(np.mean(np.abs(arms))))
+                sd = max(SETTINGS.lever_sd_share, SETTINGS.lever_sd_m / float(np.mean(np.abs(arms))))
                 bounds = [1.0 - 4.0 * sd, 1.0 + 4.0 * sd]
                 entry = {"bounds": [round(end, 2) for end in bounds], "relative": True, "sd": round(sd, 2)}
                 lines.append(line(f"{group}.lever_{axis}", entry))
@@ -396,7 +402,9 @@ def _off_centre(vehicle: Vehicle, freed: str) -> list[str]:
         name = f"{moment}_{velocity}"
         if {moment, force} <= set(freed) and name in info:
             start = info[f"{force}_{velocity}"]["start"] or 0.0
-            most = _rounded(_OFF_CENTRE_M * max(_DAMPING * 10.0 * abs(float(start)), 100.0))
+            most = _rounded(
+                SETTINGS.off_centre_m * max(SETTINGS.damping_widening * 10.0 * abs(float(start)), 100.0)
+            )
             lines.append(line(name, [-most, most]))
     return lines
 
@@ -466,15 +474,17 @@ def _coefficients(
     own = VELOCITIES[AXES.index(axis)]
     wide = not any(info.get(f"{other}_uv", {}).get("start") for other in "YN")
     inertia, linear, quadratic = f"{axis}_{own}dot", f"{axis}_{own}", f"{axis}_{own}{own}"
-    lines = [line(f"{group}.gain", list(_GAIN)) for group in finned]
+    lines = [line(f"{group}.gain", list(SETTINGS.fin_gain)) for group in finned]
     if _bounded(info, inertia) and not held:
-        lines.append(line(inertia, bounds(inertia, _INERTIA if wide and axis in "KMN" else 1.0)))
+        lines.append(
+            line(inertia, bounds(inertia, SETTINGS.inertia_widening if wide and axis in "KMN" else 1.0))
+        )
     if _bounded(info, linear) and info[linear]["start"]:
-        lines.append(line(linear, bounds(linear, _DAMPING if wide else 1.0, wide)))
+        lines.append(line(linear, bounds(linear, SETTINGS.damping_widening if wide else 1.0, wide)))
     else:
         size = abs(float(info[quadratic]["start"])) * max(speed, 0.1)
         low = 10.0 * size if size else 100.0
-        lines.append(line(linear, [-_rounded((_DAMPING if wide else 1.0) * low), 0.0]))
+        lines.append(line(linear, [-_rounded((SETTINGS.damping_widening if wide else 1.0) * low), 0.0]))
     if _bounded(info, quadratic) and info[quadratic]["start"]:
         lines.append(line(quadratic, bounds(quadratic, 1.0, wide)))
     for other in _LIFT:
@@ -500,7 +510,7 @@ def _opposing(name: str, known: Mapping[str, Any], bounds: Any) -> Any:
     if name not in ("Y_uv", "Z_uw") or float(known["start"]) >= 0.0:
         return bounds
     low, high = (float(known["lower"]), float(known["upper"])) if bounds == "default" else bounds
-    return [low, min(high, _ALONG * abs(float(known["start"])))]
+    return [low, min(high, SETTINGS.drift_lift * abs(float(known["start"])))]
 
 
 def _reaching(known: Mapping[str, Any], present: float, factor: float, to_zero: bool) -> Any:

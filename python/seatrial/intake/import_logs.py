@@ -34,7 +34,7 @@ from seatrial.intake.imported import (
 )
 from seatrial.intake.map_file import Column, ImportMap, load_map
 from seatrial.intake.recordings import (
-    MANY,
+    INTAKE_SETTINGS,
     Recorded,
     Recording,
     proposed_columns,
@@ -84,14 +84,6 @@ def import_logs(
         Whether to overwrite a project that an import made; files that were edited since are kept.
     progress
         Called with the share of the work that is done and what is being done.
-
-    Raises
-    ------
-    TrialError
-        A log cannot be read at all, no field is recognised, the map does not fit, or the folder is not a
-        project of an import.
-    VehicleError
-        The vehicle cannot be used.
     """
     logs = [paths] if isinstance(paths, str | Path) else [*paths]
     if out is None:
@@ -330,7 +322,7 @@ def _series(recorded: Recorded) -> dict[str, Series]:
     channels = series_of(recording(recorded.table, columns=recorded.columns))
     result = {}
     for channel, series in channels.items():
-        stride = max(1, -(-len(series.t) // MANY))
+        stride = max(1, -(-len(series.t) // INTAKE_SETTINGS.most_samples))
         result[channel] = Series(series.t[::stride], series.value[::stride], _clock(channel, recorded))
     return result
 

@@ -170,12 +170,7 @@ _OWN = "import.json"
 
 
 def refuse_foreign(folder: Path, force: bool) -> None:
-    """Refuse a folder with files that no import wrote, and without `force` one that an import wrote.
-
-    Raises
-    ------
-    TrialError
-    """
+    """Refuse a folder with files that no import wrote, and without `force` one that an import wrote."""
     if folder.exists() and not folder.is_dir():
         raise TrialError(f"{folder}: expected a folder for the project, found a file; choose another name")
     if not folder.is_dir() or not any(folder.iterdir()):

@@ -115,23 +115,12 @@ class ImportMap:
 
 
 def load_map(path: str | Path) -> ImportMap:
-    """Map of an import from its file.
-
-    Raises
-    ------
-    TrialError
-        The file cannot be read, an unknown key, a missing key or a value that a key may not hold.
-    """
+    """Map of an import from its file."""
     return parse_map(text_of(path, "a map of an import", error=TrialError), str(path))
 
 
 def parse_map(text: str, source: str) -> ImportMap:
     """Map of an import from its text; `source` is what messages call it.
-
-    Raises
-    ------
-    TrialError
-        As `load_map`.
 
     Examples
     --------

@@ -32,20 +32,31 @@ from seatrial.trial.table import signals
 if TYPE_CHECKING:
     import polars as pl
 
-_SURFACE_PA = (8e4, 1.1e5)  # pressures of the air at the surface
+
+@dataclass(frozen=True)
+class IntakeSettings:
+    """Which pressures are the surface's, how long a trial may be, which logs are parts of one dive."""
+
+    surface_pa: tuple[float, float] = (8e4, 1.1e5)  #: Pa, pressures of the air at the surface
+    #: Pa, ten centimetres of water: nobody dives less, so that smaller pressures have another unit
+    least_pa: float = 1e3
+    most_samples: int = 200_000  #: of a trial: a longer one is thinned
+    least_rate_hz: float = 10.0  #: Hz that a thinned trial keeps: no vehicle that is steered shows more
+    #: of the shorter of two logs by which they overlap as parts of one dive; the files of a logger that
+    #: begins another one meet by less
+    overlap_share: float = 0.1
+
+
+INTAKE_SETTINGS = IntakeSettings()
+
 
 _AIR_PA = 101_325.0  # standard atmosphere
 
-_LEAST_PA = 1e3  # ten centimetres of water: nobody dives less, so that smaller pressures have another unit
 
 _LARGER_UNITS = {"kPa": 1e3, "dbar": 1e4, "bar": 1e5}
 
 _WATER_KG_M3, _GRAVITY_M_S2 = 1025.0, 9.81  # sea water, as the note says
 
-MANY = 200_000
-"""Samples of a trial: a longer one is thinned."""
-
-_LEAST_HZ = 10.0  # the rate that it keeps at least
 
 _VELOCITY, _EARTH = ("u_m_s", "v_m_s", "w_m_s"), ("north", "east", "down")
 
@@ -96,11 +107,6 @@ def recordings(logs: Sequence[SurveyedLog], given: Mapping[str, MapTrial] | None
     """Recordings by name: files that hold different channels are one, files that hold the same are several.
 
     Logs that share a clock (Unix time) and overlap are one recording in any case.
-
-    Raises
-    ------
-    TrialError
-        A trial of the map names a file that is not among the logs.
     """
     if given:
         return [_of_map(name, use, logs) for name, use in given.items()]
@@ -113,11 +119,6 @@ def recordings(logs: Sequence[SurveyedLog], given: Mapping[str, MapTrial] | None
         )
         made.append(Recording(name, tuple(group)))
     return made
-
-
-_MEET = 0.1
-"""Share of the shorter of two logs by which they overlap as parts of one dive; the files of a logger that
-begins another one meet by less."""
 
 
 def _dives(logs: Sequence[SurveyedLog]) -> list[list[SurveyedLog]]:
@@ -138,7 +139,7 @@ def _dives(logs: Sequence[SurveyedLog]) -> list[list[SurveyedLog]]:
             for group in groups
             if any(
                 min(stop, spans[other][1]) - max(start, spans[other][0])
-                > _MEET * min(stop - start, spans[other][1] - spans[other][0])
+                > INTAKE_SETTINGS.overlap_share * min(stop - start, spans[other][1] - spans[other][0])
                 for other in group
             )
         ]
@@ -197,13 +198,7 @@ def proposed_columns(made: Sequence[Recording]) -> dict[str, Column]:
 def table_of(
     recording: Recording, wanted: ImportMap, share: Callable[[float], None] | None = None
 ) -> Recorded:
-    """Table of a recording with the columns of a map; only their fields are read.
-
-    Raises
-    ------
-    TrialError
-        None of the columns is in its logs, or their times do not meet.
-    """
+    """Table of a recording with the columns of a map; only their fields are read."""
     import polars as pl
 
     logs = [open_log(log.path) for log in recording.logs]
@@ -284,13 +279,7 @@ def _with_body_velocity(
     notes: list[str],
     file: str,
 ) -> tuple[pl.DataFrame, list[str]]:
-    """The table with u, v and w from velocities north, east and down, and the columns that it lacks for it.
-
-    Raises
-    ------
-    TrialError
-        A unit that is none of a velocity, or an attitude that cannot be read.
-    """
+    """The table with u, v and w from velocities north, east and down, and the columns it lacks for it."""
     import polars as pl
 
     from seatrial.base.frames import matrix
@@ -335,13 +324,13 @@ def _with_body_velocity(
 def rate_of_long(table: pl.DataFrame) -> float | None:
     """Rate in Hz for a recording with very many samples; None for one that keeps its own.
 
-    No vehicle that is steered moves faster than `_LEAST_HZ` can show; a million samples only take time.
+    No vehicle that is steered moves faster than `least_rate_hz` can show; a million samples only take time.
     """
     busiest = max(table.height - column.null_count() for column in table.iter_columns())
-    if busiest <= MANY:
+    if busiest <= INTAKE_SETTINGS.most_samples:
         return None
     span = float(table["t_s"][-1]) - float(table["t_s"][0])
-    rate = float(f"{max(_LEAST_HZ, MANY / span):.2g}")
+    rate = float(f"{max(INTAKE_SETTINGS.least_rate_hz, INTAKE_SETTINGS.most_samples / span):.2g}")
     return rate if rate < busiest / span else None
 
 
@@ -392,14 +381,16 @@ def _depth(pressure: Array, notes: list[str]) -> Array:
     # Single samples without a reading tell nothing of the surface.
     low, high = np.quantile(known, [0.01, 0.99]) if len(known) else (_AIR_PA, _AIR_PA)
     surface, note = _AIR_PA, f"{_AIR_PA:g} Pa is the surface"
-    if _SURFACE_PA[0] < low < _SURFACE_PA[1]:
-        surface = float(known[known > _SURFACE_PA[0]].min(initial=_SURFACE_PA[1]))
+    if INTAKE_SETTINGS.surface_pa[0] < low < INTAKE_SETTINGS.surface_pa[1]:
+        surface = float(
+            known[known > INTAKE_SETTINGS.surface_pa[0]].min(initial=INTAKE_SETTINGS.surface_pa[1])
+        )
         note = "the lowest one is taken for the surface"
-    elif low < _SURFACE_PA[0]:
+    elif low < INTAKE_SETTINGS.surface_pa[0]:
         surface, note = 0.0, f"less than the air's, {low:.3g} Pa, so taken as above it"
     weight = _WATER_KG_M3 * _GRAVITY_M_S2
     notes.append(f"depth from pressure: {note}, {_WATER_KG_M3:g} kg/m3; in fresh water depths are 2.5 % more")
-    if surface == 0.0 and high < _LEAST_PA:
+    if surface == 0.0 and high < INTAKE_SETTINGS.least_pa:
         guesses = ", ".join(f"{size * high / weight:.3g} m if {unit}" for unit, size in _LARGER_UNITS.items())
         notes.append(
             f"pressures reach {high:.3g} Pa, {high / weight:.2g} m of water: expected a pressure in"

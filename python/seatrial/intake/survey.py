@@ -24,7 +24,14 @@ from seatrial.base.work import callers_errors_pass
 from seatrial.logs.formats import FORMATS, open_log
 from seatrial.logs.log import Event, Field, Log, Share, Topic
 from seatrial.logs.names import KNOWN_UNITS
-from seatrial.logs.recognise import ESTIMATED, FEWEST, Proposal, named_but_empty, propose, unknown_unit
+from seatrial.logs.recognise import (
+    ESTIMATED,
+    RECOGNITION_SETTINGS,
+    Proposal,
+    named_but_empty,
+    propose,
+    unknown_unit,
+)
 
 _VERTICAL = re.compile(
     r"(.*\.)?(linear_acceleration\.z|accel(eration)?\.z|AccZ|zacc|accelerometer_m_s2\[2\])", re.IGNORECASE
@@ -32,8 +39,19 @@ _VERTICAL = re.compile(
 """Fields of documented messages that hold the accelerometer's z."""
 
 _G = 9.81  # m/s^2
-_LEAST, _MOST = 0.7, 1.3  # of g: a mean beyond has another unit, or tells of no upright vehicle
-_STEADY = 0.5  # of the mean: with a larger deviation the vehicle tumbles
+
+
+@dataclass(frozen=True)
+class SurveySettings:
+    """When the mean of an accelerometer tells which way its axis points."""
+
+    least_g: float = 0.7  #: g: a smaller mean has another unit, or tells of no upright vehicle
+    most_g: float = 1.3  #: g: a larger one, too
+    steady_share: float = 0.5  #: of the mean: with a larger deviation the vehicle tumbles
+
+
+SETTINGS = SurveySettings()
+
 
 _BODY = ("p_deg_s", "q_deg_s", "r_deg_s", "u_m_s", "v_m_s", "w_m_s")
 
@@ -53,7 +71,9 @@ def points_down(field: Field) -> bool | None:
     """
     for unit in (_G, 1.0, 1000.0):  # m/s^2, g, mg
         size = abs(field.mean) / unit
-        if _LEAST < size < _MOST and field.deviation < _STEADY * abs(field.mean):
+        if SETTINGS.least_g < size < SETTINGS.most_g and field.deviation < SETTINGS.steady_share * abs(
+            field.mean
+        ):
             return field.mean < 0.0
     return None
 
@@ -347,11 +367,6 @@ def survey(paths: Iterable[str | Path], *, share: Callable[[float, str], None] |
         Files; a folder of a ROS 2 bag counts as one.
     share
         Called with the share of all files that is done, and the name of the file.
-
-    Raises
-    ------
-    TrialError
-        If there is no file, one is given twice or cannot be read at all.
     """
     files = [Path(path) for path in paths]
     if not files:
@@ -402,14 +417,15 @@ def _unused(log: Log, topics: Sequence[Topic]) -> Iterator[Unused]:
         return
     for canonical, topic, field in named_but_empty(topics):
         words = log.words.get((topic.name, field.name), "")
-        if topic.samples < FEWEST:
-            why = f"{_rows(topic.samples)}, expected at least {FEWEST}: none of its columns is used"
+        if topic.samples < RECOGNITION_SETTINGS.fewest:
+            fewest = RECOGNITION_SETTINGS.fewest
+            why = f"{_rows(topic.samples)}, expected at least {fewest}: none of its columns is used"
         else:
             count = f"{field.samples} numbers" if field.samples else "no number"
             content = f"{count} in {_rows(topic.samples)} ({words or 'empty cells or NaN'})"
             why = (
                 f'column "{printable(field.name)}" ({canonical} by its name) is not used: {content}; expected'
-                f" at least {FEWEST} numbers: write them, or remove the column"
+                f" at least {RECOGNITION_SETTINGS.fewest} numbers: write them, or remove the column"
             )
         yield Unused(canonical, topic.name, field.name, why)
 

@@ -40,7 +40,20 @@ if TYPE_CHECKING:
 
 _BUILT_IN = {2: "bluerov2-heavy"}
 
-_HEAVY_MOTORS = 8  # of a BlueROV2 Heavy
+
+@dataclass(frozen=True)
+class VehicleDraftSettings:
+    """What tells a built-in vehicle, completes a given one, and shows that thrusters are reversed."""
+
+    heavy_motors: int = 8  #: of a BlueROV2 Heavy
+    #: prismatic coefficients that the shapes of `hull_inertia` describe; above, a cylinder
+    prismatic_range: tuple[float, float] = 0.5, 0.97
+    idle_share: float = 0.15  #: of the sum of squares: what idle thrusters may still give in these signs
+    #: by which the motion of an axis answers the other way round than its force pushes
+    opposed_deviations: float = 0.3
+
+
+SETTINGS = VehicleDraftSettings()
 
 
 @dataclass(frozen=True)
@@ -99,7 +112,7 @@ def draft_vehicle(
         note = f"the built-in vehicle {name}: FRAME_CONFIG is {frame:g}, {FRAME_NAMES[int(frame)]}"
         return VehicleDraft(vehicle.to_toml(), vehicle, note)
     ardupilot = any(log.format in ("dataflash", "mavlink") for log in logs)
-    if frame is None and ardupilot and len(motors) == _HEAVY_MOTORS:
+    if frame is None and ardupilot and len(motors) == SETTINGS.heavy_motors:
         name = _BUILT_IN[2]
         vehicle = Vehicle.load(name)
         note = (
@@ -110,10 +123,6 @@ def draft_vehicle(
     known = None if frame is None else dict(enumerate((*FRAME_NAMES, "CUSTOM"))).get(int(frame), "unknown")
     number = "" if frame is None else f" for FRAME_CONFIG {frame:g}, {known}"
     return VehicleDraft(_stub(logs, actuators), None, f"a stub{number}: measures are to be filled in", False)
-
-
-_FULL = 0.5, 0.97
-"""Prismatic coefficients that the family of shapes of `hull_inertia` describes; above, a cylinder."""
 
 
 def hull_inertia(mass: float, length: float, radius: float, fullness: float) -> float:
@@ -148,7 +157,7 @@ def _with_inertia(text: str, vehicle: Vehicle) -> tuple[str, float]:
     known, water = vehicle.coefficients(), vehicle.environment()
     length, radius = float(hull["length_m"]), 0.5 * float(hull["diameter_m"])
     fullness = known["B"] / (water["rho"] * water["g"]) / (math.pi * radius**2 * length)
-    if not _FULL[0] <= fullness <= _FULL[1]:
+    if not SETTINGS.prismatic_range[0] <= fullness <= SETTINGS.prismatic_range[1]:
         return text, 1.0
     inertia = hull_inertia(known["m"], length, radius, fullness)
     lines = (
@@ -299,12 +308,6 @@ def thruster_signs(vehicle: Vehicle, trial: Trial, parameters: Mapping[str, floa
     return {name: bool(sign < 0.0) for name, sign in zip(names, signs, strict=True)}
 
 
-_AT_REST = 0.15  # of the sum of squares: what idle thrusters may still give in these signs
-
-_OPPOSED = 0.3
-"""Deviations by which the motion of an axis answers the other way round than its force pushes."""
-
-
 def _signs_of_mixer(allocation: Array, commands: Array) -> Array | None:
     """Signs (n,) that leave combinations without effect at rest; None where they are not clear."""
     _, values, directions = np.linalg.svd(allocation)
@@ -323,7 +326,7 @@ def _signs_of_mixer(allocation: Array, commands: Array) -> Array | None:
         signed = moments * np.outer(signs, signs)
         best.append((float(np.trace(idle @ signed @ idle.T)) / total, tail))
     best.sort()
-    return np.array([1.0, *best[0][1]]) if best[0][0] < _AT_REST else None
+    return np.array([1.0, *best[0][1]]) if best[0][0] < SETTINGS.idle_share else None
 
 
 def _apart(allocation: Array) -> list[list[int]]:
@@ -344,7 +347,9 @@ def _against(vehicle: Vehicle, trial: Trial, signs: Array, commands: Array, grou
 def opposed(vehicle: Vehicle, trial: Trial) -> str:
     """Letters of the axes whose motion clearly runs against the forces of the recorded commands."""
     forces = {drive.axis: drive.y for drive in drives(trial, vehicle) if drive.axis}
-    return "".join(axis for axis, answer in _answers(trial, forces).items() if answer < -_OPPOSED)
+    return "".join(
+        axis for axis, answer in _answers(trial, forces).items() if answer < -SETTINGS.opposed_deviations
+    )
 
 
 def _answers(trial: Trial, forces: Mapping[str, Array]) -> dict[str, float]:

@@ -21,9 +21,38 @@ from seatrial.base.errors import printable
 if TYPE_CHECKING:
     import polars as pl
 
-_COUNTS, _END = 2.0**32, 0.01
-"""Values of a counter of 32 bits, and the share of them at either end within which it may begin again: in
-microseconds 43 s, longer than any gap that a sample should bridge."""
+
+@dataclass(frozen=True)
+class ClockSettings:
+    """What makes a column a time, and what tells gaps, bursts and damaged stamps of a sensor."""
+
+    counter_values: float = 2.0**32  #: values of a counter of 32 bits
+    #: share of them at either end within which it may begin again: 43 s of microseconds, longer than any gap
+    #: that a sample should bridge
+    counter_ends: float = 0.01
+    #: of the rows with a header's stamp above which it is that of the row, not of one of several topics
+    row_stamp_share: float = 0.95
+    unix_from_s: float = 9e8  #: s since 1970, in 1998: no time since a start is so long
+    along_rows: float = 0.999  #: correlation of a column with its rows that makes it a time though steps fall
+    long_quantile: float = 0.85  #: of the intervals: what is much longer is a gap
+    #: of the intervals: the step of a time base with a place for nearly every sample
+    short_quantile: float = 0.2
+    irregular_ratio: float = 1.5  #: long over short interval, above which the median is no common interval
+    finest_share: float = 0.25  #: of the median: shorter intervals are an accident of the stamps
+    burst_share: float = 0.1  #: of the mean interval: stamps that are closer came in one burst
+    bursting_share: float = 0.3  #: of intervals within bursts that makes bursts evident
+    steady_ratio: float = 1.6  #: of the time per sample among the bursts, for a sensor that samples evenly
+    longest_ratio: float = 1.5  #: times the usual time per sample: a longer one is a gap before the burst
+    fewest_stamps: int = 20  #: that show bursts
+    block_stamps: int = 50  #: stamps whose median is compared with those of their neighbours
+    far_spreads: float = 10.0  #: spreads of the neighbours' medians beyond which a stamp is no time
+    slack_s: float = 1.0  #: s beyond which it is none at least
+    stray_share: float = 0.01  #: of damaged stamps, above which they may be right
+    strays_in_a_row: int = 3  #: rows of damaged stamps, above which they may be right
+
+
+SETTINGS = ClockSettings()
+
 
 _DAY_S = 86_400.0  # of 24 hours: leap seconds do not count in logs
 _SPREADSHEET_EPOCH_D = 25_569.0  # 1970-01-01 in days of a spreadsheet
@@ -150,11 +179,13 @@ class Counter32:
         """The counts (n,), NaN where there is none."""
         known = np.flatnonzero(np.isfinite(values))
         counts = values[known]
-        if not len(counts) or np.abs(counts).max() > _COUNTS:
+        if not len(counts) or np.abs(counts).max() > SETTINGS.counter_values:
             return values
         steps = np.diff(counts, prepend=counts[0] if np.isnan(self._last) else self._last)
-        near = np.abs(np.abs(steps) - _COUNTS) <= _END * _COUNTS
-        added = self._added - _COUNTS * np.cumsum(np.where(near, np.sign(steps), 0.0))
+        near = (
+            np.abs(np.abs(steps) - SETTINGS.counter_values) <= SETTINGS.counter_ends * SETTINGS.counter_values
+        )
+        added = self._added - SETTINGS.counter_values * np.cumsum(np.where(near, np.sign(steps), 0.0))
         self._last, self._added = float(counts[-1]), float(added[-1])
         if not added.any():
             return values
@@ -352,13 +383,6 @@ class TimeColumn(NamedTuple):
     scale: TimeScale | None
 
 
-_EVERY = 0.95
-"""Share of the rows with a header's stamp above which it is that of the row, not of one of several topics."""
-
-_UNIX_S = 9e8  # s since 1970 in 1998: no time since a start is so long
-_ALONG = 0.999  # correlation of a column with its rows that makes it a time though steps fall
-
-
 def time_column(
     units: Mapping[str, str],
     candidates: Sequence[str],
@@ -400,7 +424,9 @@ def time_column(
             if (record := rising(name)) is not None:
                 t = (record[0] - record[1].origin) * record[1].factor
                 near = abs(np.nanmedian(t) - np.nanmedian(stamps)) < NEAR_S
-                return bool(near and np.isfinite(stamps).mean() >= _EVERY * np.isfinite(t).mean())
+                return bool(
+                    near and np.isfinite(stamps).mean() >= SETTINGS.row_stamp_share * np.isfinite(t).mean()
+                )
         return True
 
     # Seconds and nanoseconds of one stamp in two columns, as ROS writes them.
@@ -408,7 +434,7 @@ def time_column(
         stamps = numbers(head[pair[0]]) + 1e-9 * numbers(head[pair[1]])
         finite = stamps[np.isfinite(stamps)]
         if len(finite) > 0.5 * head.height and rises(finite) and of_record(stamps):
-            return TimeColumn(*pair, TimeScale(1.0, unix=bool(np.median(finite) > _UNIX_S))), ""
+            return TimeColumn(*pair, TimeScale(1.0, unix=bool(np.median(finite) > SETTINGS.unix_from_s))), ""
     for name in candidates:
         if (read := rising(name)) is not None:
             values, scale = read
@@ -434,28 +460,13 @@ def rises(values: Array) -> bool:
     if not np.median(values[-3:]) > np.median(values[:3]):  # one stamp may be damaged
         return False
     along = np.corrcoef(values, np.arange(len(values)))[0, 1]
-    return bool(np.mean(steps >= 0.0) > 0.9 or (np.mean(steps >= 0.0) > 0.5 and along > _ALONG))
+    return bool(np.mean(steps >= 0.0) > 0.9 or (np.mean(steps >= 0.0) > 0.5 and along > SETTINGS.along_rows))
 
 
 def _texts(cells: pl.Series) -> list[str | None]:
     import polars as pl
 
     return cells.cast(pl.String, strict=False).to_list()
-
-
-_LONG, _SHORT = 0.85, 0.2  # quantiles of the intervals
-_IRREGULAR = 1.5  # ratio of the long to the short interval above which the median is no common interval
-_FINEST = 0.25  # of the median: shorter intervals are an accident of the stamps
-_TOGETHER = 0.1  # of the mean interval: stamps closer than this came in one burst
-_BURSTS = 0.3  # share of such intervals that makes a burst evident
-_STEADY = 1.6  # ratio of the time per sample among the bursts: a sensor that samples evenly
-_LONGEST = 1.5  # times the usual time per sample: a longer one is a gap before the burst
-_FEWEST = 20  # stamps that show bursts
-
-_BLOCK, _FAR, _SLACK_S = 50, 10.0, 1.0
-"""Stamps per block, and how far from its neighbours' medians, in their spread and in s, one is no time."""
-
-_STRAYS, _IN_A_ROW = 0.01, 3  # share of damaged stamps, and rows in a row, above which they may be right
 
 
 class Spread(NamedTuple):
@@ -478,7 +489,7 @@ def usual_interval(t: Array) -> float:
     if len(t) < 2:
         return np.inf
     intervals = np.diff(t)
-    return float(max(np.median(intervals), np.quantile(intervals, _LONG)))
+    return float(max(np.median(intervals), np.quantile(intervals, SETTINGS.long_quantile)))
 
 
 def strays(t: Array) -> Mask:
@@ -491,16 +502,18 @@ def strays(t: Array) -> Mask:
     >>> np.flatnonzero(strays(t)).tolist()
     [90, 499]
     """
-    count = len(t) // _BLOCK
+    count = len(t) // SETTINGS.block_stamps
     if count < 2:
         return np.zeros(len(t), bool)
-    middle = np.median(t[: count * _BLOCK].reshape(count, _BLOCK), axis=1)
+    middle = np.median(t[: count * SETTINGS.block_stamps].reshape(count, SETTINGS.block_stamps), axis=1)
     near = np.stack([np.r_[middle[0], middle[:-1]], middle, np.r_[middle[1:], middle[-1]]])
     least, most = near.min(axis=0), near.max(axis=0)
-    slack = np.maximum(_SLACK_S, _FAR * (most - least))
-    block = np.minimum(np.arange(len(t)) // _BLOCK, count - 1)
+    slack = np.maximum(SETTINGS.slack_s, SETTINGS.far_spreads * (most - least))
+    block = np.minimum(np.arange(len(t)) // SETTINGS.block_stamps, count - 1)
     far = (t < (least - slack)[block]) | (t > (most + slack)[block])
-    few = far.mean() < _STRAYS and all(end - begin <= _IN_A_ROW for begin, end in runs(far))
+    few = far.mean() < SETTINGS.stray_share and all(
+        end - begin <= SETTINGS.strays_in_a_row for begin, end in runs(far)
+    )
     return np.asarray(far & few)
 
 
@@ -512,8 +525,8 @@ def base_step(t: Array) -> float:
     if len(t) < 2:
         return np.inf
     intervals = np.diff(t)
-    short, middle, long = np.quantile(intervals, [_SHORT, 0.5, _LONG])
-    if _FINEST * middle < short and long > _IRREGULAR * short:
+    short, middle, long = np.quantile(intervals, [SETTINGS.short_quantile, 0.5, SETTINGS.long_quantile])
+    if SETTINGS.finest_share * middle < short and long > SETTINGS.irregular_ratio * short:
         return 1.0 / float(f"{1.0 / short:.3g}")
     return float(middle)
 
@@ -530,20 +543,22 @@ def spread_bursts(t: Array) -> Spread | None:
     >>> spread.bursts, spread.t[5:10].round(2).tolist()
     (20, [1.2, 1.4, 1.6, 1.8, 2.0])
     """
-    if len(t) < _FEWEST or t[-1] <= t[0]:
+    if len(t) < SETTINGS.fewest_stamps or t[-1] <= t[0]:
         return None
     intervals = np.diff(t)
-    near = intervals < _TOGETHER * float(intervals.mean())
-    if near.mean() < _BURSTS:
+    near = intervals < SETTINGS.burst_share * float(intervals.mean())
+    if near.mean() < SETTINGS.bursting_share:
         return None
     last = np.append(np.flatnonzero(~near), len(t) - 1)  # of each burst
     sizes = np.diff(last, prepend=-1)
     received = t[last]
     each = np.diff(received) / sizes[1:]
-    if len(each) < _FEWEST // 4 or np.quantile(each, 0.85) > _STEADY * np.quantile(each, 0.15):
+    if len(each) < SETTINGS.fewest_stamps // 4 or np.quantile(
+        each, 0.85
+    ) > SETTINGS.steady_ratio * np.quantile(each, 0.15):
         return None
     step = float(np.median(each))
-    spacing = np.concatenate([[step], np.minimum(each, _LONGEST * step)])
+    spacing = np.concatenate([[step], np.minimum(each, SETTINGS.longest_ratio * step)])
     burst = np.repeat(np.arange(len(sizes)), sizes)
     behind = last[burst] - np.arange(len(t))
     return Spread(received[burst] - behind * spacing[burst], len(sizes), step)

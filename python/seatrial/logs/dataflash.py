@@ -31,7 +31,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
 from seatrial.logs.clock import Counter32
 from seatrial.logs.formats import extra
-from seatrial.logs.log import CHUNK_ROWS, Chunk, Event, Log, Share
+from seatrial.logs.log import READING_SETTINGS, Chunk, Event, Log, Share
 
 _CODES = {
     "b": "i1", "B": "u1", "M": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "q": "<i8", "Q": "<u8",
@@ -49,11 +49,22 @@ _PREFIXES = {1e-1: "d", 1e-2: "c", 1e-3: "m", 1e-6: "µ", 1e-9: "n"}
 _HEADER = b"\xa3\x95"
 _FMT, _FMT_BYTES = 128, 89  # the message that describes a type: its number and length, by ArduPilot's format
 _NARROW = 4  # bytes of a stamp that a counter of 32 bits made
-_LONGEST = 255  # bytes of a message
-_BLOCK, _PART = 1 << 24, 1 << 26  # bytes in which messages are looked for, and read
-_FEW = 1 << 20  # messages that are looked at together
-_AROUND = 64  # messages
-_STRAY = 0.002  # share of a damaged log's messages below which an instance is a damaged number
+
+
+@dataclass(frozen=True)
+class DataflashSettings:
+    """How much of a log is looked at together, and which instances are damaged numbers."""
+
+    longest_message: int = 255  #: bytes of a message
+    search_bytes: int = 1 << 24  #: bytes in which messages are looked for
+    read_bytes: int = 1 << 26  #: bytes that are read at a time
+    checked_messages: int = 1 << 20  #: messages whose stamps are looked at together
+    median_messages: int = 64  #: messages whose median stamp is compared with those before and after
+    stray_share: float = 0.002  #: of a damaged log's messages below which an instance is a damaged number
+
+
+SETTINGS = DataflashSettings()
+
 
 Bytes = np.ndarray[Any, np.dtype[np.uint8]]
 Places = np.ndarray[Any, np.dtype[np.integer[Any]]]
@@ -156,9 +167,9 @@ class _BinaryLog(Log):
 
     def _found(self, mark: bytes) -> Iterator[int]:
         """Places of some bytes in the file."""
-        for begin in range(0, len(self.data), _PART):
+        for begin in range(0, len(self.data), SETTINGS.read_bytes):
             at = begin - 1
-            while (at := self.data.find(mark, at + 1, begin + _PART + len(mark) - 1)) >= 0:
+            while (at := self.data.find(mark, at + 1, begin + SETTINGS.read_bytes + len(mark) - 1)) >= 0:
                 yield at
             self._release()
 
@@ -193,7 +204,9 @@ class _BinaryLog(Log):
         """Messages of a type as records."""
         where, width = kind.offsets[begin:end], kind.layout.itemsize
         cells = np.empty((len(where), width), np.uint8)
-        ends = np.searchsorted(where, np.arange(_PART, len(self._raw) + _PART, _PART)).tolist()
+        ends = np.searchsorted(
+            where, np.arange(SETTINGS.read_bytes, len(self._raw) + SETTINGS.read_bytes, SETTINGS.read_bytes)
+        ).tolist()
         for first, last in itertools.pairwise([0, *ends]):
             if first < last:
                 cells[first:last] = self._raw[where[first:last, None] + np.arange(3, width + 3)]
@@ -237,8 +250,11 @@ class _BinaryLog(Log):
 
     def _counts(self, kind: _Type) -> Array:
         name = next(name for name in ("TimeUS", "TimeMS") if name in (kind.layout.names or ()))
-        parts = range(0, len(kind.offsets), CHUNK_ROWS)
-        cells = [self._rows(kind, begin, begin + CHUNK_ROWS)[name].astype(float) for begin in parts]
+        parts = range(0, len(kind.offsets), READING_SETTINGS.chunk_rows)
+        cells = [
+            self._rows(kind, begin, begin + READING_SETTINGS.chunk_rows)[name].astype(float)
+            for begin in parts
+        ]
         return np.concatenate(cells)
 
     @cached_property
@@ -248,12 +264,12 @@ class _BinaryLog(Log):
         for name, kind in self._types.items():
             if kind.instance is not None:
                 seen: Counter[int] = Counter()
-                for begin in range(0, len(kind.offsets), CHUNK_ROWS):
-                    rows = self._rows(kind, begin, begin + CHUNK_ROWS)
+                for begin in range(0, len(kind.offsets), READING_SETTINGS.chunk_rows):
+                    rows = self._rows(kind, begin, begin + READING_SETTINGS.chunk_rows)
                     if rows[kind.instance].dtype.kind in "iu":
                         ones, counts = np.unique(rows[kind.instance], return_counts=True)
                         seen.update(dict(zip(ones.tolist(), counts.tolist(), strict=True)))
-                least = max(_STRAY * len(kind.offsets), 1.0) if self._damaged else 0.0
+                least = max(SETTINGS.stray_share * len(kind.offsets), 1.0) if self._damaged else 0.0
                 instances[name] = tuple(
                     sorted(instance for instance, count in seen.items() if count > least)
                 ) or tuple(seen)
@@ -288,12 +304,12 @@ class _BinaryLog(Log):
         for topic in wanted:
             by_type.setdefault(self._topics[topic][0], []).append(topic)
         size = max(len(self._raw), 1)
-        for end in range(_PART, size + _PART, _PART):
+        for end in range(SETTINGS.read_bytes, size + SETTINGS.read_bytes, SETTINGS.read_bytes):
             for name, topics in by_type.items():
                 kind = self._types[name]
-                first, last = np.searchsorted(kind.offsets, (end - _PART, end)).tolist()
-                for begin in range(first, last, CHUNK_ROWS):
-                    rows = self._rows(kind, begin, min(begin + CHUNK_ROWS, last))
+                first, last = np.searchsorted(kind.offsets, (end - SETTINGS.read_bytes, end)).tolist()
+                for begin in range(first, last, READING_SETTINGS.chunk_rows):
+                    rows = self._rows(kind, begin, min(begin + READING_SETTINGS.chunk_rows, last))
                     offsets = kind.offsets[begin : begin + len(rows)]
                     stamps = self._stamps(kind, rows, offsets)
                     for topic in topics:
@@ -389,7 +405,7 @@ class _BinaryLog(Log):
         """Which messages of a damaged log are stamped like those around them in the file.
 
         They are written as they happen: a stamp that lies a second outside the medians of the messages before
-        and after, `_AROUND` at a time, is damaged itself.
+        and after, `median_messages` at a time, is damaged itself.
         """
         stamped = np.zeros(256, bool)
         for number, kind in self._numbered.items():
@@ -397,17 +413,20 @@ class _BinaryLog(Log):
         counted = stamped[numbers]
         where = begins[counted]
         # Medians of blocks: damaged stamps in a block do not move them.
-        parts = len(where) // _AROUND
+        parts = len(where) // SETTINGS.median_messages
         if parts < 2:
             return np.ones(len(begins), bool)
 
         def stamps(at: int) -> Array:
-            cells = self._raw[where[at : at + _FEW, None] + np.arange(3, 11)]
+            cells = self._raw[where[at : at + SETTINGS.checked_messages, None] + np.arange(3, 11)]
             self._release()
             return np.asarray(cells.view("<u8")[:, 0].astype(float) * 1e-6)
 
-        slices = range(0, len(where), _FEW)
-        whole = (t[: len(t) - len(t) % _AROUND].reshape(-1, _AROUND) for t in map(stamps, slices))
+        slices = range(0, len(where), SETTINGS.checked_messages)
+        whole = (
+            t[: len(t) - len(t) % SETTINGS.median_messages].reshape(-1, SETTINGS.median_messages)
+            for t in map(stamps, slices)
+        )
         middle = np.concatenate([np.median(t, axis=1) for t in whole])
         # Each block beside the one before and after: time goes on within a block, too.
         around = np.stack([np.r_[middle[0], middle[:-1]], middle, np.r_[middle[1:], middle[-1]]])
@@ -416,8 +435,10 @@ class _BinaryLog(Log):
         near = np.empty(len(where), bool)
         for at in slices:
             t = stamps(at)
-            part = np.minimum(np.arange(at, at + len(t)) // _AROUND, parts - 1)
-            near[at : at + _FEW] = (t >= (least - slack)[part]) & (t <= (most + slack)[part])
+            part = np.minimum(np.arange(at, at + len(t)) // SETTINGS.median_messages, parts - 1)
+            near[at : at + SETTINGS.checked_messages] = (t >= (least - slack)[part]) & (
+                t <= (most + slack)[part]
+            )
         if not near.all():
             self.note(f"{int((~near).sum()):,} messages are stamped unlike those around them; left out")
         kept = np.ones(len(begins), bool)
@@ -510,7 +531,7 @@ class _TextLog(Log):
                     counts = counter.of(np.array([_float(values.get("TimeMS"))]))
                     time = float(counts[0]) * 1e-3
                 rows[name].append([time, *(_float(values.get(column)) for column in wanted[name])])
-                if len(rows[name]) >= CHUNK_ROWS:
+                if len(rows[name]) >= READING_SETTINGS.chunk_rows:
                     yield _chunk(name, rows[name])
                     rows[name] = []
                     if share is not None:
@@ -547,15 +568,17 @@ def _messages(data: Bytes, lengths: Places, release: Callable[[], None]) -> tupl
     # Block-based loggers fill their last page with zeros or ones.
     filled = size
     for value in (0, 255):
-        tail = data[max(size - 2 * _LONGEST, 0) :] != value
+        tail = data[max(size - 2 * SETTINGS.longest_message, 0) :] != value
         filled = min(filled, size - int(np.argmax(tail[::-1])) if tail.any() else size)
     place = np.dtype(np.uint32 if size < 1 << 32 else np.int64)
     begins, kinds = [np.empty(0, place)], [np.empty(0, np.uint8)]
-    marks = np.zeros(_BLOCK + _LONGEST + 1, bool)  # ends of messages, from the beginning of the block
+    marks = np.zeros(
+        SETTINGS.search_bytes + SETTINGS.longest_message + 1, bool
+    )  # ends of messages, from the beginning of the block
     marks[0] = True
     reach = 0
-    for block in range(0, size - 2, _BLOCK):
-        part = data[block : block + _BLOCK + 2]
+    for block in range(0, size - 2, SETTINGS.search_bytes):
+        part = data[block : block + SETTINGS.search_bytes + 2]
         at = block + np.flatnonzero((part[:-2] == _HEADER[0]) & (part[1:-1] == _HEADER[1]))
         numbers = data[at + 2]
         ends = at + lengths[numbers]
@@ -577,8 +600,10 @@ def _messages(data: Bytes, lengths: Places, release: Callable[[], None]) -> tupl
         begins += [at[:-1][apart].astype(place), at[-1:].astype(place)]
         kinds += [numbers[:-1][apart], numbers[-1:]]
         reach = int(reached[-1])
-        marks[: _LONGEST + 1] = marks[_BLOCK : _BLOCK + _LONGEST + 1]
-        marks[_LONGEST + 1 :] = False
+        marks[: SETTINGS.longest_message + 1] = marks[
+            SETTINGS.search_bytes : SETTINGS.search_bytes + SETTINGS.longest_message + 1
+        ]
+        marks[SETTINGS.longest_message + 1 :] = False
         release()
     return np.concatenate(begins), np.concatenate(kinds)
 
@@ -586,9 +611,9 @@ def _messages(data: Bytes, lengths: Places, release: Callable[[], None]) -> tupl
 def _gaps(begins: Places, numbers: Bytes, lengths: Places, size: int) -> tuple[Places, Places, Places]:
     """Which messages, or the end, follow bytes that are no message, and where these begin and end."""
     parts, before = [np.empty((3, 0), np.int64)], 0
-    for at in range(0, len(begins), _FEW):
-        tos = begins[at : at + _FEW].astype(np.int64)
-        ends = tos + lengths[numbers[at : at + _FEW]]
+    for at in range(0, len(begins), SETTINGS.checked_messages):
+        tos = begins[at : at + SETTINGS.checked_messages].astype(np.int64)
+        ends = tos + lengths[numbers[at : at + SETTINGS.checked_messages]]
         froms = np.r_[before, ends[:-1]]
         which = np.flatnonzero(tos > froms)
         parts.append(np.stack([at + which, froms[which], tos[which]]))

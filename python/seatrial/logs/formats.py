@@ -63,20 +63,24 @@ FORMATS: dict[str, Format] = {
 
 _BINARY = ("dataflash", "mavlink", "ulog", "rosbag", "mcap", "matlab", "imc", "parquet")
 _TEXT = frozenset(b"\t\n\r") | frozenset(range(32, 127))  # a binary log with another name is no such text
-_HEAD = 512  # bytes: signatures of all formats lie within them, the tag of a TAR file last
-_PART = 65_536  # bytes that are unpacked at a time
-_PACKED = 10.0  # times as long is what gzip packed
-_LEAST_S = 2.0  # that a second look has whatever opening took: with it both stay within 10 s
+
+
+@dataclass(frozen=True)
+class FormatSettings:
+    """How much of a file is read to tell its format, or unpacked at a time."""
+
+    head_bytes: int = 512  #: in which the signatures of all formats lie, the tag of a TAR file last
+    unpacked_bytes: int = 65_536  #: that are unpacked at a time
+    packing_ratio: float = 10.0  #: times as long is what gzip packed
+    #: s that a second look has whatever opening took: with it both stay within 10 s
+    least_budget_s: float = 2.0
+
+
+SETTINGS = FormatSettings()
 
 
 def format_of(path: Path) -> str:
-    """Name of the format of a file; of a ROS 2 bag also its folder.
-
-    Raises
-    ------
-    TrialError
-        If there is no such file or it is in no format that has a reader.
-    """
+    """Name of the format of a file; of a ROS 2 bag also its folder."""
     if path.is_dir():
         if (path / "metadata.yaml").is_file():
             return "rosbag"
@@ -134,23 +138,19 @@ def open_log(path: str | Path, reader: str | Callable[[Path], Log] | None = None
     entry = FORMATS[name]
     budget = entry.budget
     if not path.is_dir() and is_packed(path):
-        budget = replace(budget, cpu_s_per_mb=_PACKED * budget.cpu_s_per_mb)
+        budget = replace(budget, cpu_s_per_mb=SETTINGS.packing_ratio * budget.cpu_s_per_mb)
     begun_s = time.thread_time()
     with reading(path, entry.description, budget):
         log: Log = import_module(f"seatrial.logs.{entry.module}").open_log(path)
     # What a file of any small size may take, it takes once: opening reads some formats as a whole.
-    log.budget = replace(budget, cpu_s=max(budget.cpu_s - time.thread_time() + begun_s, _LEAST_S))
+    log.budget = replace(
+        budget, cpu_s=max(budget.cpu_s - time.thread_time() + begun_s, SETTINGS.least_budget_s)
+    )
     return log
 
 
 def extra(package: str, path: Path) -> Any:
-    """A package that only some formats need.
-
-    Raises
-    ------
-    TrialError
-        If it is not installed.
-    """
+    """A package that only some formats need."""
     try:
         return import_module(package)
     except ImportError:
@@ -172,18 +172,14 @@ class Unpacked:
         self._failed: Exception | None = None
 
     def read(self, size: int) -> bytes:
-        """`size` bytes, fewer at the end or before the damage.
-
-        Raises
-        ------
-        TrialError
-            What was read so far unpacks to more than any log.
-        """
+        """`size` bytes, fewer at the end or before the damage."""
         if self._failed is not None:
             raise self._failed
         content = bytearray()
         try:
-            while len(content) < size and (part := self._stream.read1(min(size - len(content), _PART))):
+            while len(content) < size and (
+                part := self._stream.read1(min(size - len(content), SETTINGS.unpacked_bytes))
+            ):
                 content += part
         except DAMAGED as error:
             if not content:
@@ -220,7 +216,7 @@ def unpacked(path: Path) -> Any:
 def _head(path: Path) -> bytes:
     try:
         with unpacked(path) as stream:
-            head: bytes = stream.read(_HEAD)
+            head: bytes = stream.read(SETTINGS.head_bytes)
     except DAMAGED as error:
         raise TrialError(f"{path}: cannot be read: {reason(error)}") from None
     return head

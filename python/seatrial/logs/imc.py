@@ -27,8 +27,17 @@ _HEADER, _FOOTER = 20, 2  # bytes of a message's header and check sum, by the pr
 _SYNC = 0xFE54
 _MARK = re.compile(rb"\x54\xfe|\xfe\x54")
 _FIRST = 1_000_000_000  # messages that an estimate of the own state counts for: only a vehicle has one
-_APART_S = 1.0  # two systems that keep time differ by less, transmission included
-_MOST_SOURCES = 100
+
+
+@dataclass(frozen=True)
+class ImcSettings:
+    """Which clocks of several systems are one, and when a file is damaged."""
+
+    apart_s: float = 1.0  #: s: two systems that keep time differ by less, transmission included
+    most_sources: int = 100  #: more systems in one log are damaged numbers
+
+
+SETTINGS = ImcSettings()
 
 
 def open_log(path: Path) -> Log:
@@ -69,8 +78,10 @@ class _Lsf(Log):
                 if other != source:
                     behind[source, other] = min(behind.get((source, other), math.inf), t - stamp)
             latest[source] = stamp
-            if len(latest) > _MOST_SOURCES:
-                raise TrialError(f"{self.path}: more than {_MOST_SOURCES} sources; the file is damaged")
+            if len(latest) > SETTINGS.most_sources:
+                raise TrialError(
+                    f"{self.path}: more than {SETTINGS.most_sources} sources; the file is damaged"
+                )
             if kind == "EntityInfo":
                 entities[source, int(message.id)] = str(message.label)
             elif kind == "VehicleState":
@@ -92,7 +103,7 @@ class _Lsf(Log):
                 self._mode(message)
         for source in counts:
             apart = behind.get((source, self._vehicle), 0.0)
-            if abs(apart) > _APART_S:
+            if abs(apart) > SETTINGS.apart_s:
                 self._moved[source] = apart
                 way = "behind" if apart > 0.0 else "ahead of"
                 self.remark(

@@ -26,9 +26,19 @@ if TYPE_CHECKING:
 SPLIT = "split the file to use the others"
 """What to do about recordings that stand behind one another in a file."""
 
-_MEET_S = 1e-6  # as far as a text file's six digits tell stamps apart
-_RESTART_S, _RESTART, _STAYS = 2.0, 0.1, 20  # s, share of what went before, rows
-"""Stamps that differ by less are the same: rounding of a text file's six digits."""
+
+@dataclass(frozen=True)
+class JoinSettings:
+    """Which stamps of two topics are one, and where a clock began again."""
+
+    #: s: stamps that differ by less are the same, by the rounding of a text file's six digits
+    equal_s: float = 1e-6
+    restart_s: float = 2.0  #: s by which stamps fall where a recording begins again
+    restart_share: float = 0.1  #: of what went before, by which they fall
+    restart_rows: int = 20  #: rows for which they stay below
+
+
+SETTINGS = JoinSettings()
 
 
 @dataclass(frozen=True)
@@ -99,11 +109,6 @@ def join(
         Columns.
     clocks
         Clock by file name, for logs whose clock is not that of the first.
-
-    Raises
-    ------
-    TrialError
-        If a topic is in none of the logs, has no stamps, or the logs' times do not meet.
     """
     import polars as pl
 
@@ -136,7 +141,7 @@ def join(
     origin = float(np.floor(start)) if epoch is not None else 0.0
     frame: pl.DataFrame | None = None
     for _, t, cells in parts:
-        stamps = np.round((t - origin) / _MEET_S) * _MEET_S
+        stamps = np.round((t - origin) / SETTINGS.equal_s) * SETTINGS.equal_s
         # A full join keeps every sample at its own stamp; the resampling comes later.
         part = pl.DataFrame({"t_s": stamps, **cells}, nan_to_null=True).unique(
             "t_s", keep="last", maintain_order=True
@@ -175,11 +180,11 @@ def _parts(t: Array) -> list[tuple[int, int]]:
     out of order comes back at once.
     """
     parts, begin = [], 0
-    for at in (np.flatnonzero(np.diff(t) < -_RESTART_S) + 1).tolist():
+    for at in (np.flatnonzero(np.diff(t) < -SETTINGS.restart_s) + 1).tolist():
         before = t[begin:at].max(initial=-np.inf)
         fall = before - t[at]
-        stays = np.all(t[at : at + _STAYS] < before - 0.5 * fall)
-        if stays and fall > max(_RESTART_S, _RESTART * (before - t[begin])):
+        stays = np.all(t[at : at + SETTINGS.restart_rows] < before - 0.5 * fall)
+        if stays and fall > max(SETTINGS.restart_s, SETTINGS.restart_share * (before - t[begin])):
             parts.append((begin, at))
             begin = at
     return [*parts, (begin, len(t))]
@@ -236,7 +241,7 @@ def _ordered(
             f" {spread.step_s:.3g} s apart"
         )
     # Of rows with one stamp the last one is the newest.
-    last = np.append(np.diff(stamps) > _MEET_S / 2.0, True)
+    last = np.append(np.diff(stamps) > SETTINGS.equal_s / 2.0, True)
     if not last.all():
         notes.append(f"{topic}: {int((~last).sum())} rows with the stamp of the next one left out")
     if np.count_nonzero(last) == 1:
@@ -256,13 +261,7 @@ def _ordered(
 
 
 def _together(parts: Sequence[tuple[str, Array, dict[str, Array]]], notes: list[str]) -> None:
-    """Note topics whose times hardly meet those of the others.
-
-    Raises
-    ------
-    TrialError
-        If two topics have no time in common.
-    """
+    """Note topics whose times hardly meet those of the others."""
     first, last = max(t[0] for _, t, _ in parts), min(t[-1] for _, t, _ in parts)
     if first >= last:
         spans = "; ".join(f"{topic} {t[0]:.10g} to {t[-1]:.10g} s" for topic, t, _ in parts[:6])

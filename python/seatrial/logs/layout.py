@@ -19,16 +19,26 @@ import numpy as np
 from seatrial.base.errors import TrialError, printable, reason
 from seatrial.logs.clock import stated_unit, time_fields
 from seatrial.logs.formats import DAMAGED, unpacked
-from seatrial.logs.log import MOST_FIELDS
+from seatrial.logs.log import READING_SETTINGS
 from seatrial.logs.names import is_unit, no_unit, unit_of
 
-_HEAD_BYTES = 262_144  # of the beginning, by which a file is judged
-_HEAD_ROWS = 200  # lines of the beginning, by which columns are judged
-_MOST_LINES = 8  # of a name in quotes
+
+@dataclass(frozen=True)
+class LayoutSettings:
+    """How much of a text is looked at to tell its layout, and when it is damaged."""
+
+    head_bytes: int = 262_144  #: of the beginning, by which a file is judged
+    head_rows: int = 200  #: lines of the beginning, by which columns are judged
+    most_quoted_lines: int = 8  #: of a name in quotes
+    most_controls: float = 0.05  #: share of control bytes in a text that a loss of power damaged
+    unit_row_share: float = 0.8  #: of the cells of a row that are units, above which it is one of units
+
+
+SETTINGS = LayoutSettings()
+
 _CONTROLS = bytes(k for k in range(32) if k not in b"\t\n\r")
 _OPEN = re.compile(r'(?:^|[,;\t]) *"(?:[^"]|"")*$')  # a cell whose quotes do not end in this line
 GROUPED = r"^[+-]?\d{1,3}(,\d{3})+(\.\d*)?$"  # a number with thousands separators
-_MOST_CONTROLS = 0.05  # share of control bytes in text that a loss of power damaged
 
 
 @dataclass(frozen=True)
@@ -72,38 +82,26 @@ class Layout:
 
 
 def encoding_of(path: Path) -> str:
-    """Encoding of a text file from its first bytes.
-
-    Raises
-    ------
-    TrialError
-        If the file cannot be read or is no text.
-    """
+    """Encoding of a text file from its first bytes."""
     try:
         with unpacked(path) as raw:
-            return _encoding(raw.read(_HEAD_BYTES), path)
+            return _encoding(raw.read(SETTINGS.head_bytes), path)
     except DAMAGED as error:
         raise TrialError(f"{path}: cannot be read: {reason(error)}") from None
 
 
 def layout_of(path: Path) -> Layout:
-    """Layout of a table of text from its first rows.
-
-    Raises
-    ------
-    TrialError
-        If the file is no text or holds no rows of numbers.
-    """
+    """Layout of a table of text from its first rows."""
     try:
         with unpacked(path) as raw:
-            head = raw.read(_HEAD_BYTES)
+            head = raw.read(SETTINGS.head_bytes)
     except DAMAGED as error:
         raise TrialError(f"{path}: cannot be read: {reason(error)}") from None
     encoding = _encoding(head, path)
     held = head if encoding == "utf-16" else head.rstrip(b"\0")
     text = codecs.getincrementaldecoder(encoding)(errors="replace").decode(held)
-    lines = text.splitlines()[:_HEAD_ROWS]
-    if len(head) == _HEAD_BYTES and len(lines) > 1 and len(lines) < _HEAD_ROWS:
+    lines = text.splitlines()[: SETTINGS.head_rows]
+    if len(head) == SETTINGS.head_bytes and len(lines) > 1 and len(lines) < SETTINGS.head_rows:
         lines.pop()  # the block may end within it
     comment = "#" if any(line.startswith("#") for line in lines) else ""
     kept = [(k, line) for k, line in _logical(lines) if line.strip()]
@@ -132,9 +130,10 @@ def layout_of(path: Path) -> Layout:
         above = [(k, fitted) for k, cells in commented if (fitted := _fitted(cells, width, filled))]
     # Patterns take time with the square of a name's length.
     longest = max((len(cell) for _, cells in above for cell in cells), default=0)
-    if width > MOST_FIELDS or longest > MOST_FIELDS:
+    if width > READING_SETTINGS.most_fields or longest > READING_SETTINGS.most_fields:
         raise TrialError(
-            f"{path}: {width} columns, a name of {longest} letters; expected at most {MOST_FIELDS}"
+            f"{path}: {width} columns, a name of {longest} letters; expected at most"
+            f" {READING_SETTINGS.most_fields}"
         )
     names, units, twice, unit_row = _names(above, width)
     return Layout(
@@ -154,7 +153,7 @@ def _encoding(head: bytes, path: Path) -> str:
         if head.startswith(mark):
             return name
     held = head.rstrip(b"\0")  # the end of a file that was given its size in advance
-    if b"\0" in head and len(held.translate(None, _CONTROLS)) <= (1.0 - _MOST_CONTROLS) * len(held):
+    if b"\0" in head and len(held.translate(None, _CONTROLS)) <= (1.0 - SETTINGS.most_controls) * len(held):
         raise TrialError(
             f"{path}: not a text file (it holds null bytes); expected a row of names and rows of numbers;"
             " save it as UTF-8 text, or name its reader"
@@ -200,7 +199,7 @@ def _logical(lines: Sequence[str]) -> Iterator[tuple[int, str]]:
     k = 0
     while k < len(lines):
         line, last = lines[k], k
-        while _OPEN.search(line) and last < min(k + _MOST_LINES, len(lines) - 1):
+        while _OPEN.search(line) and last < min(k + SETTINGS.most_quoted_lines, len(lines) - 1):
             last += 1
             line += "\n" + lines[last]
         if _OPEN.search(line):  # a quote that nothing closes
@@ -223,13 +222,7 @@ def _number(cell: str, decimal_comma: bool) -> bool:
 
 
 def _commas(rows: Sequence[tuple[int, str]], separator: str, path: Path) -> tuple[bool, bool]:
-    """Whether a comma in a number is a decimal comma, and whether it groups thousands.
-
-    Raises
-    ------
-    TrialError
-        If quoted numbers hold commas and nothing tells which.
-    """
+    """Whether a comma in a number is a decimal comma, and whether it groups thousands."""
     sampled = [(row, cells_of(line, separator)) for row, line in rows[-50:]]
     cells = [cell for _, row in sampled for cell in row]
     decimal = [cell for cell in cells if re.fullmatch(r"[+-]?\d+,\d+(e[+-]?\d+)?", cell, re.IGNORECASE)]
@@ -314,9 +307,6 @@ def _names(
     return unique, units, {name: tuple(known) for name, known in places.items() if len(known) > 1}, unit_row
 
 
-_MOST_UNITS = 0.8  # share of the cells of a row that are units above which it is one of units
-
-
 def _like_names(cells: Sequence[str]) -> tuple[bool, bool, int]:
     """How much a row is like one of names: that it is none of units, names a time, its different words."""
     words = [cell for cell in cells if cell]
@@ -326,7 +316,7 @@ def _like_names(cells: Sequence[str]) -> tuple[bool, bool, int]:
 def _of_units(cells: Sequence[str]) -> bool:
     """Whether most cells of a row are units."""
     some = [cell for cell in cells if cell]
-    return bool(some) and float(np.mean([is_unit(cell) for cell in some])) >= _MOST_UNITS
+    return bool(some) and float(np.mean([is_unit(cell) for cell in some])) >= SETTINGS.unit_row_share
 
 
 def _under_time(names: Sequence[str], cells: Sequence[str]) -> bool:

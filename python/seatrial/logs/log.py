@@ -26,15 +26,25 @@ from seatrial.base.arrays import Array
 from seatrial.base.budget import Budget, guarded, size_of
 from seatrial.base.errors import TrialError, nearest, printable
 
-CHUNK_ROWS = 65_536
-"""Most rows of a chunk: bounds the memory, not what a log may hold."""
+
+@dataclass(frozen=True)
+class ReadingSettings:
+    """How much of a log is kept, read at a time and told."""
+
+    chunk_rows: int = 65_536  #: most rows of a chunk: it bounds the memory, not what a log may hold
+    most_notes: int = 200  #: more tell nobody more
+    most_topics: int = 10_000  #: a log with more is damaged or hostile
+    most_fields: int = 10_000  #: the same: a PX4 log has some 3,000 fields
+    most_named: int = 12  #: names in a message
+    #: longer ones are images, point clouds or spectra and no channels of a trial; a covariance has 36
+    longest_array: int = 36
+
+
+READING_SETTINGS = ReadingSettings()
+
 
 Share = Callable[[float], None]
 """Called with the share of the file that was read, 0 to 1."""
-
-_MOST_NOTES = 200  # more tell nobody more
-MOST_TOPICS, MOST_FIELDS = 10_000, 10_000
-"""A log with more is damaged or hostile: a PX4 log has some 3,000 fields."""
 
 
 class Chunk(NamedTuple):
@@ -190,26 +200,14 @@ class Log(ABC):
 
     @abstractmethod
     def chunks(self, wanted: Mapping[str, Sequence[str]], share: Share | None = None) -> Iterator[Chunk]:
-        """Samples of the fields `wanted` by topic, in chunks of at most `CHUNK_ROWS` rows.
-
-        Raises
-        ------
-        TrialError
-            If the file cannot be read any more.
-        """
+        """Samples of the fields `wanted` by topic, in chunks of at most so many rows."""
 
     def events(self) -> list[Event]:
         """What the log says in words, in the order of time."""
         return []
 
     def topics(self, share: Share | None = None) -> list[Topic]:
-        """What every topic and field holds, from one pass over the log.
-
-        Raises
-        ------
-        TrialError
-            If the file cannot be read any more.
-        """
+        """What every topic and field holds, from one pass over the log."""
         with self.guarded():
             wanted = {topic: tuple(fields) for topic, fields in self.fields.items()}
             surveys = {topic: _Survey(fields) for topic, fields in wanted.items()}
@@ -226,13 +224,7 @@ class Log(ABC):
         ]
 
     def read(self, wanted: Mapping[str, Sequence[str]], share: Share | None = None) -> dict[str, Samples]:
-        """All samples of some fields by topic.
-
-        Raises
-        ------
-        TrialError
-            If a topic or field is not in the log.
-        """
+        """All samples of some fields by topic."""
         for topic, names in wanted.items():
             if topic not in self.fields:
                 raise TrialError(f'{self.path}: there is no topic "{topic}"{nearest(topic, self.fields)}')
@@ -258,12 +250,12 @@ class Log(ABC):
 
     def note(self, text: str) -> None:
         """Keep a note, once; of very many only the first."""
-        if len(self.notes) < _MOST_NOTES and text not in self.notes:
+        if len(self.notes) < READING_SETTINGS.most_notes and text not in self.notes:
             self.notes.append(text)
 
     def remark(self, text: str) -> None:
         """Keep a remark, once."""
-        if len(self.remarks) < _MOST_NOTES and text not in self.remarks:
+        if len(self.remarks) < READING_SETTINGS.most_notes and text not in self.remarks:
             self.remarks.append(text)
 
 
@@ -360,22 +352,19 @@ def reading(path: Path, format: str, budget: Budget) -> AbstractContextManager[N
     return guarded(path, f"reading it as {format}", remedy, size=size_of(path), budget=budget)
 
 
-_MOST = 12  # names in a message
-
-
 def listed(names: Sequence[str]) -> str:
     """The first of `names` for a message, and how many more there are."""
-    shown = ", ".join(f'"{printable(name)}"' for name in names[:_MOST])
-    return shown + (f" and {len(names) - _MOST} more" if len(names) > _MOST else "")
+    shown = ", ".join(f'"{printable(name)}"' for name in names[: READING_SETTINGS.most_named])
+    return shown + (
+        f" and {len(names) - READING_SETTINGS.most_named} more"
+        if len(names) > READING_SETTINGS.most_named
+        else ""
+    )
 
 
 def stem_of(path: Path) -> str:
     """Name of a file without its ending as text; bytes that are not UTF-8 are replaced."""
     return path.stem.encode(errors="surrogateescape").decode(errors="replace")
-
-
-LONGEST_ARRAY = 36
-"""Longer arrays are images, point clouds or spectra: no channels of a trial. A covariance has 36."""
 
 
 class Gathered:
@@ -389,7 +378,7 @@ class Gathered:
         """Take in a message; a chunk when enough are there."""
         rows = self.rows[topic]
         rows.append([t, *(values.get(name, math.nan) for name in self.wanted[topic])])
-        return self._take(topic) if len(rows) >= CHUNK_ROWS else None
+        return self._take(topic) if len(rows) >= READING_SETTINGS.chunk_rows else None
 
     def rest(self) -> Iterator[Chunk]:
         """What is left at the end of the file."""

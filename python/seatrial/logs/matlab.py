@@ -28,10 +28,19 @@ from seatrial.base.budget import Budget, claim
 from seatrial.base.errors import TrialError, printable
 from seatrial.logs.clock import Counter32, TimeScale, rises, scale_of, time_fields
 from seatrial.logs.formats import extra
-from seatrial.logs.log import CHUNK_ROWS, LONGEST_ARRAY, MOST_FIELDS, Chunk, Log, Share, stem_of
+from seatrial.logs.log import READING_SETTINGS, Chunk, Log, Share, stem_of
 
-_FEWEST = 3  # samples of a signal
-_DEEPEST = 8  # structures within one another: deeper ones are damaged or hostile
+
+@dataclass(frozen=True)
+class MatlabSettings:
+    """What is a signal, and when a file is damaged."""
+
+    fewest_samples: int = 3  #: of a signal
+    deepest: int = 8  #: structures within one another: deeper ones are damaged or hostile
+    unpacked_bytes: int = 1 << 22  #: that are unpacked at a time
+
+
+SETTINGS = MatlabSettings()
 
 
 def open_log(path: Path) -> Log:
@@ -69,8 +78,8 @@ class _Matlab(Log):
             columns = self._columns[topic]
             rows = len(next(iter(columns.values())))
             clock = self._clocks[topic]
-            for begin in range(0, rows, CHUNK_ROWS):
-                part = slice(begin, min(begin + CHUNK_ROWS, rows))
+            for begin in range(0, rows, READING_SETTINGS.chunk_rows):
+                part = slice(begin, min(begin + READING_SETTINGS.chunk_rows, rows))
                 count = part.stop - part.start
                 stamps = np.full(count, np.nan)
                 if clock is not None:
@@ -87,16 +96,22 @@ class _Matlab(Log):
         for structure, name, values in arrays:
             matrix = values[:, None] if values.ndim == 1 else values
             # Signals in rows: MATLAB users write both ways.
-            if matrix.shape[0] < matrix.shape[1] and matrix.shape[0] <= LONGEST_ARRAY:
+            if matrix.shape[0] < matrix.shape[1] and matrix.shape[0] <= READING_SETTINGS.longest_array:
                 matrix = matrix.T
-            if matrix.ndim != 2 or len(matrix) < _FEWEST or matrix.shape[1] > LONGEST_ARRAY:
+            if (
+                matrix.ndim != 2
+                or len(matrix) < SETTINGS.fewest_samples
+                or matrix.shape[1] > READING_SETTINGS.longest_array
+            ):
                 continue
             columns = groups.setdefault((structure, len(matrix)), {})
             for k in range(matrix.shape[1]):
                 columns[name if matrix.shape[1] == 1 else f"{name}[{k}]"] = matrix[:, k]
                 count += 1
-            if count > MOST_FIELDS:
-                raise TrialError(f"{self.path}: more than {MOST_FIELDS} signals; the file is damaged")
+            if count > READING_SETTINGS.most_fields:
+                raise TrialError(
+                    f"{self.path}: more than {READING_SETTINGS.most_fields} signals; the file is damaged"
+                )
         # Times at the top of the file serve the structures of their length.
         top = {len(c[n]): c[n] for (s, _), c in groups.items() if not s for n in time_fields(list(c))[:1]}
         for (structure, length), columns in groups.items():
@@ -145,11 +160,11 @@ def _walk_hdf(
         value = group[name]
         inner = f"{structure}.{name}" if structure else name
         if isinstance(value, h5py.Group):
-            if depth < _DEEPEST:
+            if depth < SETTINGS.deepest:
                 yield from _walk_hdf(inner, value, h5py, log, depth + 1)
         elif value.attrs.get("MATLAB_class", b"") in (b"char", b"cell", b"function_handle"):
             continue
-        elif value.dtype.kind in "biuf" and value.ndim in (1, 2) and value.size >= _FEWEST:
+        elif value.dtype.kind in "biuf" and value.ndim in (1, 2) and value.size >= SETTINGS.fewest_samples:
             if value.size * 8 > Budget().unpacked_of(path_size(value)):
                 log.note(f"{inner}: {value.size} values promised, more than the file can hold; left out")
                 continue
@@ -169,7 +184,6 @@ _MATRIX, _PACKED = 14, 15  # types of elements, by the format
 # Classes of matrices, by the format: structure; object, function, opaque.
 _STRUCTURE, _OBJECTS = 2, (3, 16, 17)
 _NUMERIC = range(6, 16)  # classes of numbers, by the format: double to uint64
-_PART = 1 << 22  # bytes that are unpacked at a time
 
 
 class _Damaged(Exception):
@@ -183,13 +197,7 @@ class _Element(NamedTuple):
 
 
 def arrays(path: Path, log: Log) -> Iterator[tuple[str, str, Array]]:
-    """Structure, name and values (n,) or (n, k) of every numeric array of a file; notes on what is damaged.
-
-    Raises
-    ------
-    TrialError
-        If the file is not of version 5 to 7.2.
-    """
+    """Structure, name and values (n,) or (n, k) of every numeric array of a file; notes of damage."""
     data = path.read_bytes()
     order = {b"IM": "<", b"MI": ">"}.get(data[126:128])
     if order is None:
@@ -243,12 +251,14 @@ def _unpacked(content: memoryview) -> bytearray:
     """A packed element, piece by piece, so that a budget can end it."""
     most = Budget().unpacked_of(len(content))
     unpacker = zlib.decompressobj()
-    whole = bytearray(unpacker.decompress(content, _PART))
+    whole = bytearray(unpacker.decompress(content, SETTINGS.unpacked_bytes))
     while unpacker.unconsumed_tail:
         if len(whole) > most:
             raise _Damaged(f"more than {most:,} bytes packed into {len(content):,}")
-        claim(len(whole) // 4 + _PART)  # an array of bytes grows by an eighth, and is copied
-        whole += unpacker.decompress(unpacker.unconsumed_tail, _PART)
+        claim(
+            len(whole) // 4 + SETTINGS.unpacked_bytes
+        )  # an array of bytes grows by an eighth, and is copied
+        whole += unpacker.decompress(unpacker.unconsumed_tail, SETTINGS.unpacked_bytes)
     return whole
 
 
@@ -270,7 +280,7 @@ def _matrix(
     inner = f"{structure}.{name}" if structure else name
     if kind in _OBJECTS:
         log.note(f"{printable(inner)}: an object of MATLAB, not read; save its data as plain arrays")
-    elif kind == _STRUCTURE and depth < _DEEPEST and sizes == [1, 1]:
+    elif kind == _STRUCTURE and depth < SETTINGS.deepest and sizes == [1, 1]:
         length = _element(data, called.end, order)
         names = _element(data, length.end, order)
         (width,) = struct.unpack_from(order + "i", length.content)

@@ -8,8 +8,8 @@ shortest delay of any message of the sender. `epoch_s` is zero.
 Each computer that writes into a log counts from an origin of its own: its start, or a wrong date. What the
 receiver stamps is late by the transmission, and never early; so the origin of a sender is the least
 difference between reception and stamp. Message types of a sender share it where their least differences
-agree; a type that differs by more than `_SHARED_S` is stamped by another clock, as of a sensor behind the
-sender. A counter of limited width begins again at zero (32 bits of microseconds after 71.6 minutes, of
+agree; a type that differs by more than `shared_clock_s` is stamped by another clock, as of a sensor behind
+the sender. A counter of limited width begins again at zero (32 bits of microseconds after 71.6 minutes, of
 milliseconds after 49.7 days): how often it did the reception tells, to within half a period. A clock that
 falls, or jumps ahead of the reception, was started again or set: from there on it has another origin. Held by
 ``tests/logs/test_senders.py``.
@@ -31,7 +31,7 @@ from typing import Any, BinaryIO
 from seatrial.base.budget import advance
 from seatrial.base.errors import TrialError
 from seatrial.logs.formats import extra
-from seatrial.logs.log import LONGEST_ARRAY, MOST_TOPICS, Chunk, Event, Gathered, Log, Share, number
+from seatrial.logs.log import READING_SETTINGS, Chunk, Event, Gathered, Log, Share, number
 
 _STAMP_BYTES = 8  # of the ground station, before each frame
 _BEGIN = struct.Struct(
@@ -39,25 +39,31 @@ _BEGIN = struct.Struct(
 )  # of a frame: stamp in us, mark, bytes of its payload, flags from version 2 on
 _AUTOPILOT = 1  # MAV_COMP_ID_AUTOPILOT1
 _GROUND = 255  # the usual system number of a ground station
-_COUNTS = 2.0**32  # of a counter of 32 bits
-_UNIX_S = 1e9  # a larger time is a date, not the time since boot
-_SAID_S = 0.5  # difference of two clocks that is worth a word
 
-_JUDGED, _LEAST_WHOLE = 1_000_000, 0.1
-"""Bytes after which a file is judged, and the least share of them in whole messages: a damaged recording
-loses some percent. pymavlink takes 1.4 s for each MB of anything else."""
+
+@dataclass(frozen=True)
+class MavlinkSettings:
+    """When a file is no telemetry log, and which of its clocks are one."""
+
+    counter_values: float = 2.0**32  #: values of a counter of 32 bits
+    unix_from_s: float = 1e9  #: s: a larger time is a date, not the time since boot
+    reported_difference_s: float = 0.5  #: s, difference of two clocks that is worth a word
+    #: after which a file is judged: pymavlink takes 1.4 s for each MB of what is no message
+    judged_bytes: int = 1_000_000
+    #: of these bytes in whole messages: a damaged recording loses some percent
+    least_whole_share: float = 0.1
+    #: s: origins of message types that differ by less are one, for no link holds every message of a type for
+    #: longer
+    shared_clock_s: float = 2.0
+    fall_s: float = 2.0  #: s by which a clock falls that was started again: messages change places by less
+    #: s by which stamps jump ahead of their reception where a clock was set: a burst of messages does not
+    jump_s: float = 10.0
+
+
+SETTINGS = MavlinkSettings()
+
 
 _Sender = tuple[int, int]  # system and component
-
-
-_SHARED_S = 2.0
-"""Origins of message types that differ by less are one: no link holds every message of a type for longer."""
-
-_FALL_S = 2.0
-"""By how far a clock falls that was started again: messages change places by less."""
-
-_JUMP_S = 10.0
-"""By how far stamps jump ahead of their reception where a clock was set: a burst of messages does not."""
 
 
 @dataclass
@@ -120,7 +126,7 @@ class SenderClocks:
             session = sessions[-1]
             t = session.unwrapped(stamp, received)
             ahead = t - session.last[0] - (received - session.last[1])
-            if t >= session.last[0] - _FALL_S and ahead <= _JUMP_S:
+            if t >= session.last[0] - SETTINGS.fall_s and ahead <= SETTINGS.jump_s:
                 session.least_s = min(session.least_s, received - t)
                 session.count += 1
                 session.last = (t, received)
@@ -142,7 +148,7 @@ class SenderClocks:
                 missed = 0.0  # s that the counter lost before the session
                 if math.isfinite(session.period_s):
                     missed = session.period_s * round(apart / session.period_s)
-                if abs(apart - missed) < _SHARED_S:
+                if abs(apart - missed) < SETTINGS.shared_clock_s:
                     clock.append((session, missed))
                     break
             else:
@@ -215,8 +221,10 @@ class _Telemetry(Log):
             # Of several systems the vehicle is the one whose autopilot speaks most.
             spoken[system] += component == _AUTOPILOT
             known = units.setdefault(sender, {}).setdefault(_kind(message), {})
-            if sum(map(len, units.values())) > MOST_TOPICS:
-                raise TrialError(f"{self.path}: more than {MOST_TOPICS} topics; the file is damaged")
+            if sum(map(len, units.values())) > READING_SETTINGS.most_topics:
+                raise TrialError(
+                    f"{self.path}: more than {READING_SETTINGS.most_topics} topics; the file is damaged"
+                )
             for name in values:
                 if name not in known:
                     known[name] = str(message.fieldunits_by_name.get(name.partition("[")[0], ""))
@@ -292,7 +300,7 @@ class _Telemetry(Log):
             self._clocks.origins(), key=lambda clock: (clock[0] != autopilot, -clock[3])
         ):
             first = origin if first is None else first
-            if abs(origin - first) > _SAID_S:
+            if abs(origin - first) > SETTINGS.reported_difference_s:
                 apart.setdefault((sender, round(origin - first, 1)), []).append(kind)
         for (sender, seconds), kinds in apart.items():
             self.remark(
@@ -388,15 +396,9 @@ class _Judged:
         self.place -= count
 
     def read(self, count: int) -> bytes:
-        """Some bytes.
-
-        Raises
-        ------
-        TrialError
-            Nearly nothing of what was read is a message.
-        """
+        """Some bytes."""
         self.place += count
-        if self.place > _JUDGED and self.whole < _LEAST_WHOLE * self.place:
+        if self.place > SETTINGS.judged_bytes and self.whole < SETTINGS.least_whole_share * self.place:
             raise TrialError(
                 f"{self._path}: {self.whole:,} of its first {self.place:,} bytes are whole MAVLink messages,"
                 " expected nearly all; it is damaged, or another kind of file: give the log as recorded"
@@ -428,7 +430,7 @@ def _flat(message: Any) -> Iterator[tuple[str, float]]:
             continue
         if type(value) in _PLAIN:
             yield name, float(value)
-        elif isinstance(value, list | tuple) and len(value) <= LONGEST_ARRAY:
+        elif isinstance(value, list | tuple) and len(value) <= READING_SETTINGS.longest_array:
             for k, cell in enumerate(value):
                 plain = number(cell)
                 if plain is not None:
@@ -443,7 +445,7 @@ def _since_boot(message: Any) -> tuple[float, float] | None:
     kind: Any = type(message)
     for name, unit, period in _counters(kind):
         value = getattr(message, name)
-        if value and value * unit < _UNIX_S:
+        if value and value * unit < SETTINGS.unix_from_s:
             return float(value) * unit, period
     return None
 
@@ -453,7 +455,7 @@ def _counters(kind: Any) -> tuple[tuple[str, float, float], ...]:
     """Fields of a message type that count since boot: name, unit and period, s."""
     types = dict(zip(kind.fieldnames, kind.fieldtypes, strict=True))
     return tuple(
-        (name, unit, _COUNTS * unit if types[name] == "uint32_t" else math.inf)
+        (name, unit, SETTINGS.counter_values * unit if types[name] == "uint32_t" else math.inf)
         for name, unit in (("time_boot_ms", 1e-3), ("time_usec", 1e-6))
         if name in types
     )

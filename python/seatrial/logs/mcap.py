@@ -24,8 +24,11 @@ from seatrial.logs.messages import Bag, Message, learnt, unpacked_chunk
 _MAGIC_BYTES, _TAG_BYTES = 8, 9  # signature of a file; opcode and length of a record, by the format
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _LAST = 2, 3, 4, 5, 6, 15  # opcodes, by the format
 _PACKINGS = (b"\4\0\0\0zstd", b"\3\0\0\0lz4")
-_BEFORE_PACKING = _TAG_BYTES + 28  # bytes of a chunk's record before the name of its packing
-_RELEASED = 1 << 26  # bytes after which the pages of the file are given back
+
+
+_CHUNK_HEAD_BYTES = _TAG_BYTES + 28  # of a chunk's record before the name of its packing
+
+_RELEASED_BYTES = 1 << 26  # after which the pages of the file are given back
 
 
 def open_log(path: Path) -> Log:
@@ -96,7 +99,7 @@ class _Mcap(Bag):
                         for record in self._unpacked(kind, data[at + _TAG_BYTES :])[0]:
                             yield record, 1.0
                         break
-                if at // _RELEASED < end // _RELEASED and hasattr(mmap, "MADV_DONTNEED"):
+                if at // _RELEASED_BYTES < end // _RELEASED_BYTES and hasattr(mmap, "MADV_DONTNEED"):
                     data.madvise(mmap.MADV_DONTNEED)  # pages that were read: a log may outgrow the memory
                 if damaged:
                     first = first if places else at
@@ -173,7 +176,7 @@ def _next_chunk(data: mmap.mmap, at: int) -> int:
     for packing in _PACKINGS:
         place = at
         while (place := data.find(packing, place)) >= 0:
-            begin = place - _BEFORE_PACKING
+            begin = place - _CHUNK_HEAD_BYTES
             length = int.from_bytes(data[begin + 1 : begin + _TAG_BYTES], "little") if begin >= at else 0
             if begin >= at and data[begin] == _CHUNK and 0 < length <= len(data) - begin - _TAG_BYTES:
                 begins.append(begin)

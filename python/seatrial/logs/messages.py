@@ -3,8 +3,8 @@
 Fields are the numbers of a message with their path, ``twist.twist.linear.x``; short arrays by index. The
 stamp is the message's own ``header.stamp`` where it has one near the time of reception, else the time of
 reception. A computer whose clock is wrong stamps all its messages wrong by the same time: where none of the
-first messages of a topic arrives within `_AWAY_S` of its stamp, the stamps are moved by the shortest delay,
-with a remark. `epoch_s` is zero where stamps are Unix times.
+first messages of a topic arrives within `wrong_clock_s` of its stamp, the stamps are moved by the shortest
+delay, with a remark. `epoch_s` is zero where stamps are Unix times.
 """
 
 from __future__ import annotations
@@ -25,15 +25,24 @@ from seatrial.base.budget import Budget, advance, claim
 from seatrial.base.errors import TrialError, printable
 from seatrial.logs.clock import NEAR_S
 from seatrial.logs.formats import extra
-from seatrial.logs.log import LONGEST_ARRAY, MOST_TOPICS, Chunk, Gathered, Log, Share, number
+from seatrial.logs.log import READING_SETTINGS, Chunk, Gathered, Log, Share, number
 
-_LOOK_AT = 3  # messages of a topic from which its fields are learnt
-_TIMED = 50  # messages of a topic with stamps of its own that tell its clock
-_LATE_S, _AWAY_S = 1.0, 10.0
-"""Shortest delay that is worth a word, and the one that only a wrong clock has; a stamp that is later than
-its reception by the first is of a wrong clock, too."""
-_DEEPEST = 8  # messages within one another: deeper ones are damaged or hostile
-_UNIX_S = 9e8  # s: a larger time is a date (1998), not the time since boot
+
+@dataclass(frozen=True)
+class SenderSettings:
+    """How fields and the sender's clock are learnt from the first messages of a topic."""
+
+    learning_messages: int = 3  #: of a topic, from which its fields are learnt
+    timed_messages: int = 50  #: of a topic with stamps of its own, that tell its clock
+    #: s, shortest delay that is worth a word; a stamp later than its reception by as much is of a wrong clock
+    late_s: float = 1.0
+    wrong_clock_s: float = 10.0  #: s, shortest delay that only a wrong clock has
+    deepest: int = 8  #: messages within one another: deeper ones are damaged or hostile
+    unix_from_s: float = 9e8  #: s: a larger time is a date (1998), not the time since boot
+
+
+SETTINGS = SenderSettings()
+
 UNPACKERS = {"bz2": "bz2", "lz4": "lz4.frame", "zstd": "zstandard"}
 """Packages by the name that bags and MCAP files give to a packing."""
 
@@ -48,13 +57,7 @@ class Message(NamedTuple):
 
 
 def learnt(log: Bag) -> Bag:
-    """A log of messages, after its fields were learnt.
-
-    Raises
-    ------
-    TrialError
-        If it has none.
-    """
+    """A log of messages, after its fields were learnt."""
     log.learn()
     if not log.fields:
         raise TrialError(
@@ -64,13 +67,7 @@ def learnt(log: Bag) -> Bag:
 
 
 def unpacked_chunk(packing: str, data: bytes) -> bytes:
-    """Content of packed data, up to where they are cut off.
-
-    Raises
-    ------
-    ValueError
-        The packing is unknown, or they unpack to more than any log: four bytes of zstd may say 128 KiB.
-    """
+    """Content of packed data, up to where they are cut off."""
     if packing in ("", "none"):
         return data
     if packing not in UNPACKERS:
@@ -104,11 +101,15 @@ class Bag(Log):
         advance(0.0)
         for message in self.messages(None):
             advance(message.share)
-            if seen[message.topic] >= (_TIMED if message.topic in delays else _LOOK_AT):
+            if seen[message.topic] >= (
+                SETTINGS.timed_messages if message.topic in delays else SETTINGS.learning_messages
+            ):
                 continue
             seen[message.topic] += 1
-            if len(seen) > MOST_TOPICS:
-                raise TrialError(f"{self.path}: more than {MOST_TOPICS} topics; the file is damaged")
+            if len(seen) > READING_SETTINGS.most_topics:
+                raise TrialError(
+                    f"{self.path}: more than {READING_SETTINGS.most_topics} topics; the file is damaged"
+                )
             values = self._decoded(message)
             if values:
                 known = self._names.setdefault(message.topic, {})
@@ -117,16 +118,18 @@ class Bag(Log):
                 stamp = _own_stamp(values)
                 if stamp is not None and abs(message.received - stamp) < NEAR_S:
                     delays.setdefault(message.topic, []).append(message.received - stamp)
-            if self.epoch_s is None and message.received > _UNIX_S:
+            if self.epoch_s is None and message.received > SETTINGS.unix_from_s:
                 self.epoch_s = 0.0
         self._judge_clocks({topic: min(late) for topic, late in delays.items()})
 
     def _judge_clocks(self, shortest: Mapping[str, float]) -> None:
         """Move the stamps of clocks that are wrong, and say so of late ones; by the shortest delay, s."""
-        for late in sorted({round(late, 1) for late in shortest.values() if not -_LATE_S < late < _LATE_S}):
+        for late in sorted({
+            round(late, 1) for late in shortest.values() if not -SETTINGS.late_s < late < SETTINGS.late_s
+        }):
             topics = [topic for topic, own in shortest.items() if round(own, 1) == late]
             named = ", ".join(printable(topic) for topic in topics)
-            if 0.0 < late < _AWAY_S:
+            if 0.0 < late < SETTINGS.wrong_clock_s:
                 self.remark(
                     f"{named}: the stamps are {late:g} s and more before the reception; taken as they are: if"
                     " this is a clock that is wrong and no delay, correct the header stamps"
@@ -174,18 +177,18 @@ def _flat(path: str, value: Any, depth: int) -> Iterator[tuple[str, float]]:
     if plain is not None:
         yield path, plain
     elif isinstance(value, np.ndarray):
-        if value.dtype.kind in "biuf" and value.size <= LONGEST_ARRAY:
+        if value.dtype.kind in "biuf" and value.size <= READING_SETTINGS.longest_array:
             for k, cell in enumerate(value.ravel().tolist()):
                 yield f"{path}[{k}]", float(cell)
     elif isinstance(value, list | tuple):
-        if len(value) <= LONGEST_ARRAY and depth < _DEEPEST:
+        if len(value) <= READING_SETTINGS.longest_array and depth < SETTINGS.deepest:
             for k, cell in enumerate(value):
                 yield from _flat(f"{path}[{k}]", cell, depth + 1)
     elif isinstance(value, Mapping):
-        if depth < _DEEPEST:
+        if depth < SETTINGS.deepest:
             for name, cell in value.items():
                 yield from _flat(f"{path}.{name}" if path else str(name), cell, depth + 1)
-    elif hasattr(value, "__dataclass_fields__") and depth < _DEEPEST:
+    elif hasattr(value, "__dataclass_fields__") and depth < SETTINGS.deepest:
         for name in value.__dataclass_fields__:
             if not name.startswith("__"):
                 yield from _flat(f"{path}.{name}" if path else name, getattr(value, name), depth + 1)

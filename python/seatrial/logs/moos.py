@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from seatrial.base.errors import TrialError
-from seatrial.logs.log import MOST_TOPICS, Chunk, Event, Gathered, Log, Share
+from seatrial.logs.log import READING_SETTINGS, Chunk, Event, Gathered, Log, Share
 
 _PAIR = re.compile(r"([A-Za-z_]\w{0,63})=([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?=,|$)")
 _MODES = ("MODE", "DEPLOY", "IVPHELM_STATE")
@@ -60,8 +60,9 @@ class _Alog(Log):
                 known = self._names.setdefault(variable, {})
                 for name in values:
                     known.setdefault(name, "")
-                if len(self._names) > MOST_TOPICS:
-                    raise TrialError(f"{self.path}: more than {MOST_TOPICS} variables; the file is damaged")
+                if len(self._names) > READING_SETTINGS.most_topics:
+                    most = READING_SETTINGS.most_topics
+                    raise TrialError(f"{self.path}: more than {most} variables; the file is damaged")
             elif variable in _MODES:
                 self._events.append(Event(t, "mode", f"{variable} {text[:200]}"))
         with self.path.open("rb") as stream:

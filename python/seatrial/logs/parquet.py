@@ -28,7 +28,7 @@ from seatrial.logs.clock import (
     time_column,
     time_fields,
 )  # fmt: skip
-from seatrial.logs.log import CHUNK_ROWS, Chunk, Log, Share, stem_of
+from seatrial.logs.log import READING_SETTINGS, Chunk, Log, Share, stem_of
 
 if TYPE_CHECKING:
     import polars as pl
@@ -174,8 +174,8 @@ class _Parquet(Log):
             needed += [name for name in (clock.name, clock.rest) if name and name not in needed]
         rows = self._height
         claim(8 * rows * len(needed))
-        for begin in range(0, rows, CHUNK_ROWS):
-            part = self._part(begin, min(CHUNK_ROWS, rows - begin), needed)
+        for begin in range(0, rows, READING_SETTINGS.chunk_rows):
+            part = self._part(begin, min(READING_SETTINGS.chunk_rows, rows - begin), needed)
             values = [_numbers(part[name]) for name in names]
             for name, value in zip(names, values, strict=True):
                 self._word(part[name], value)
@@ -193,7 +193,7 @@ class _Parquet(Log):
                         stamps = stamps + 1e-9 * _numbers(part[clock.rest])
             yield Chunk(topic, stamps, np.stack(values, axis=1) if values else np.empty((part.height, 0)))
             if share is not None:
-                share(min(1.0, (begin + CHUNK_ROWS) / rows))
+                share(min(1.0, (begin + READING_SETTINGS.chunk_rows) / rows))
 
 
 @contextlib.contextmanager

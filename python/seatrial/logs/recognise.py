@@ -212,10 +212,20 @@ _SAME = {"rosbag": "ros", "mcap": "ros"}
 _MEASURED = re.compile(r"(actual|meas\w*|feedback|fb|telemetry|_act)\b", re.IGNORECASE)
 _ANGLES = re.compile(r"(rudder|elevator|plane|fin|aileron|delta)", re.IGNORECASE)
 
-FEWEST = 10
-"""Numbers of a field that is taken for something."""
 
-_LEAST_RANK = 10_000  # of what a field is by its name, behind what its message says
+@dataclass(frozen=True)
+class RecognitionSettings:
+    """How proposals for a column are ranked."""
+
+    fewest: int = 10  #: numbers of a field that is taken for something
+    named_rank: int = 10_000  #: of what a field is by its name, behind what its message says
+    planar_rank: int = 50  #: of messages in the plane, behind those in space
+    converted_rank: int = 50  #: of what becomes a column by a conversion, behind the column itself
+
+
+RECOGNITION_SETTINGS = RecognitionSettings()
+
+_FIRST_MOTOR, _MOTORS = 33, 8  # ArduPilot: SERVOn_FUNCTION 33 to 40 are motors 1 to 8
 
 
 def propose(format: str, topics: Sequence[Topic], parameters: Mapping[str, float]) -> list[Proposal]:
@@ -237,7 +247,9 @@ def propose(format: str, topics: Sequence[Topic], parameters: Mapping[str, float
         # Any message may be recorded; of one that is not documented the names tell something.
         documented = {proposal.topic for proposal in proposals}
         others = _by_name([topic for topic in topics if topic.name not in documented])
-        proposals += [replace(proposal, rank=proposal.rank + _LEAST_RANK) for proposal in others]
+        proposals += [
+            replace(proposal, rank=proposal.rank + RECOGNITION_SETTINGS.named_rank) for proposal in others
+        ]
     return sorted(proposals, key=lambda proposal: (proposal.canonical, proposal.rank))
 
 
@@ -246,7 +258,10 @@ def _documented(format: str, topics: Sequence[Topic]) -> Iterator[Proposal]:
     for rank, rule in enumerate(rules):
         for topic in topics:
             fields = {field.name: field for field in topic.fields}
-            if not re.fullmatch(rule.topic, topic.name, re.IGNORECASE) or topic.samples < FEWEST:
+            if (
+                not re.fullmatch(rule.topic, topic.name, re.IGNORECASE)
+                or topic.samples < RECOGNITION_SETTINGS.fewest
+            ):
                 continue
             if not set(rule.fields.values()) <= set(fields):
                 continue
@@ -283,7 +298,9 @@ def _planar(topics: Sequence[Topic]) -> Iterator[Proposal]:
     """
     for topic in topics:
         names = {field.name for field in topic.fields}
-        if topic.samples < FEWEST or re.search(r"cmd|command|goal|target|set_?point|desired", topic.name):
+        if topic.samples < RECOGNITION_SETTINGS.fewest or re.search(
+            r"cmd|command|goal|target|set_?point|desired", topic.name
+        ):
             continue
         for theta in sorted(name for name in names if re.fullmatch(r"(.*\.)?theta", name)):
             before = theta.removesuffix("theta")
@@ -295,15 +312,21 @@ def _planar(topics: Sequence[Topic]) -> Iterator[Proposal]:
             columns = _PLANAR_VELOCITY if moving else _PLANAR_POSE
             fields = (f"{before}{place}x", f"{before}{place}y", theta)
             for name, (canonical, unit, frame) in zip(fields, columns, strict=True):
-                yield Proposal(canonical, topic.name, name, unit, frame, why=why, rank=_PLANAR_RANK)
+                yield Proposal(
+                    canonical, topic.name, name, unit, frame, why=why, rank=RECOGNITION_SETTINGS.planar_rank
+                )
             for name, canonical, unit in _TURTLE:
                 if f"{before}{name}" in names:
                     yield Proposal(
-                        canonical, topic.name, f"{before}{name}", unit, "FLU", why=why, rank=_PLANAR_RANK
+                        canonical,
+                        topic.name,
+                        f"{before}{name}",
+                        unit,
+                        "FLU",
+                        why=why,
+                        rank=RECOGNITION_SETTINGS.planar_rank,
                     )
 
-
-_PLANAR_RANK = 50  # behind messages in space
 
 _PLANAR_POSE = (("x_m", "m", "ENU"), ("y_m", "m", "ENU"), ("yaw_deg", "rad", "FLU/ENU"))
 _PLANAR_VELOCITY = (("u_m_s", "m/s", "FLU"), ("v_m_s", "m/s", "FLU"), ("r_deg_s", "rad/s", "FLU"))
@@ -358,9 +381,6 @@ def _actuators(format: str, topics: Sequence[Topic], parameters: Mapping[str, fl
                     yield Proposal(f"{kind}.{label}", name, "value", unit, why="IMC documents it")
 
 
-_FIRST_MOTOR, _MOTORS = 33, 8  # ArduPilot: SERVOn_FUNCTION 33 to 40 are motors 1 to 8
-
-
 def _channels(topic: Topic, before: str, after: str, parameters: Mapping[str, float]) -> Iterator[Proposal]:
     fields = {field.name: field for field in topic.fields}
     known = any(key.startswith("SERVO") and key.endswith("_FUNCTION") for key in parameters)
@@ -372,7 +392,7 @@ def _channels(topic: Topic, before: str, after: str, parameters: Mapping[str, fl
         if known:
             if function is None or not _FIRST_MOTOR <= function < _FIRST_MOTOR + _MOTORS:
                 continue
-            motor, why = int(function) - _FIRST_MOTOR + 1, f"SERVO{channel}_FUNCTION = {function:g}: motor"
+            motor, why = (int(function) - _FIRST_MOTOR + 1, f"SERVO{channel}_FUNCTION = {function:g}: motor")
         else:
             field = fields[name]  # one damaged sample does not make a motor something else
             pulses = any(700.0 < size < 2500.0 for size in (field.maximum, field.mean))
@@ -426,8 +446,6 @@ _CONVERTED = {
 }
 """Quantities that become a canonical column by more than a unit: the column, and the conversion."""
 
-_CONVERTED_RANK = 50  # of these behind the column itself
-
 
 def _matched(topic: Topic) -> Iterator[tuple[str, Field, int]]:
     """Quantity, field and rank of each field whose name is known and that holds numbers."""
@@ -437,7 +455,7 @@ def _matched(topic: Topic) -> Iterator[tuple[str, Field, int]]:
         words = words_of(suffix_of(field.name)[0]) or [""]
         beside.setdefault(tuple(words[:-1]), set()).add(words[-1])
     for field in topic.fields:
-        if field.samples >= FEWEST:
+        if field.samples >= RECOGNITION_SETTINGS.fewest:
             first = tuple(words_of(suffix_of(field.name)[0])[:-1])
             known = _known(before, field, beside.get(first, set()))
             if known is not None:
@@ -448,7 +466,7 @@ def named_but_empty(topics: Sequence[Topic]) -> Iterator[tuple[str, Topic, Field
     """Canonical column, topic and field of fields whose name is known and that hold too few numbers."""
     for topic in topics:
         for field in topic.fields:
-            known = _known([], field, set()) if field.samples < FEWEST else None
+            known = _known([], field, set()) if field.samples < RECOGNITION_SETTINGS.fewest else None
             if known is not None:
                 yield _CONVERTED.get(known[0], known)[0], topic, field
 
@@ -468,7 +486,9 @@ def _known(before: Sequence[str], field: Field, beside: set[str]) -> tuple[str, 
     for part, by_suffix in ((stem, unit), (name, "")):
         quantity = quantity_of("/".join([*before, part]), beside)
         if quantity is not None and fits(quantity[0], stated or by_suffix):
-            return quantity[0], quantity[1] + _CONVERTED_RANK * (quantity[0] in _CONVERTED)
+            return quantity[0], quantity[1] + RECOGNITION_SETTINGS.converted_rank * (
+                quantity[0] in _CONVERTED
+            )
     path = "_".join([*before, stem])
     if actuator_of(path) and fits("cmd.", stated or unit):
         label = re.sub(r"_(deg|rad|rpm|us|pwm|n)$", "", _label(stem)) or _label(name)

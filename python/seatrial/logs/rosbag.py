@@ -151,13 +151,7 @@ class _Damaged(Exception):
 
 
 def open_cut(path: Path) -> Bag | None:
-    """Log of what is whole in a ROS 1 bag without an index; None for any other file.
-
-    Raises
-    ------
-    TrialError
-        No message of it can be read.
-    """
+    """Log of what is whole in a ROS 1 bag without an index; None for any other file."""
     if path.is_dir():  # of ROS 2
         return None
     with path.open("rb") as file:

@@ -26,7 +26,7 @@ import numpy as np
 from seatrial.base.errors import TrialError, printable
 from seatrial.logs.clock import Counter32
 from seatrial.logs.formats import extra
-from seatrial.logs.log import CHUNK_ROWS, MOST_FIELDS, Chunk, Event, Log, Share
+from seatrial.logs.log import READING_SETTINGS, Chunk, Event, Log, Share
 
 _GROUP_BYTES = 200_000_000  # of samples read together: bounds the memory
 _HEADER_BYTES = 16  # signature, version and time, by the format
@@ -139,8 +139,8 @@ class _ULog(Log):
                 stamps = data.data["timestamp"]
                 if stamps.dtype.itemsize == _NARROW:  # of old loggers
                     stamps = Counter32().of(stamps.astype(float))
-                for begin in range(0, len(stamps), CHUNK_ROWS):
-                    part = slice(begin, begin + CHUNK_ROWS)
+                for begin in range(0, len(stamps), READING_SETTINGS.chunk_rows):
+                    part = slice(begin, begin + READING_SETTINGS.chunk_rows)
                     with np.errstate(invalid="ignore"):  # a damaged number that is no number
                         values = [np.asarray(column[part], float) for column in columns]
                     rows = np.stack(values, axis=1) if values else np.empty((len(stamps[part]), 0))
@@ -207,11 +207,6 @@ class _Walk:
         """Refuse nested types with more numbers than a message can hold: unpacking them fills the memory.
 
         A few types of two fields each, nested in one another, name 2^40 numbers. Every type is counted once.
-
-        Raises
-        ------
-        TrialError
-            With the name of the type.
         """
         counts: dict[str, int] = {}
         for name in self._formats:
@@ -238,10 +233,10 @@ class _Walk:
                         " file again"
                     )
         total = sum(counts.get(name, 0) for name in self._subscribed)
-        if total > MOST_FIELDS:
+        if total > READING_SETTINGS.most_fields:
             raise TrialError(
-                f"{self._path}: its topics have {total:,} fields; expected at most {MOST_FIELDS:,}: the file"
-                " is damaged, fetch it again"
+                f"{self._path}: its topics have {total:,} fields; expected at most"
+                f" {READING_SETTINGS.most_fields:,}: the file is damaged, fetch it again"
             )
 
     def copy(self) -> Any:

@@ -81,13 +81,7 @@ def at_sea(sensors: Mapping[str, Sensor]) -> dict[str, Sensor]:
 
 
 def _tether_force(run: Run | Motion, conditions: Surroundings) -> Array:
-    """Force (n, 3) of a held vehicle on its tether at the rows of its run, body frame, N.
-
-    Raises
-    ------
-    TrialError
-        The vehicle is not held.
-    """
+    """Force (n, 3) of a held vehicle on its tether at the rows of its run, body frame, N."""
     wrench = getattr(run, "tau", None)
     if not conditions.held or conditions.vehicle is None or wrench is None:
         raise TrialError(
@@ -153,13 +147,7 @@ class Ideal:
         return KINDS[kind].columns
 
     def values(self, kind: str, sensor: Sensor, t: Array) -> Array:
-        """True values (m, columns) at the times `t` (m,), in the columns' units; NaN where it sees nothing.
-
-        Raises
-        ------
-        TrialError
-            The run has not what the sensor measures, or goes through the bottom.
-        """
+        """True values (m, columns) at the times `t` (m,), in the columns' units; NaN where unseen."""
         run, r = self._run, np.array(sensor.position)
         if kind in ("dvl", "dvl_water"):
             velocity = self._velocity(r, t)
@@ -251,11 +239,17 @@ def silent(sensor: Sensor, t: Array, random: np.random.Generator) -> NDArray[np.
     return np.array(states)[np.searchsorted(begins, t, side="right") - 1]
 
 
-_LONGEST_S = 0.01  # between rows of the run that a sensor with its own base looks at
+@dataclass(frozen=True)
+class SamplingSettings:
+    """How a run is sampled between the rows of the log."""
 
-_LARGEST = 0.45  # of the interval: a larger jitter would change the order of stamps
+    longest_step_s: float = 0.01  #: s between rows of the run that a sensor with its own base looks at
+    largest_jitter: float = 0.45  #: of the interval: a larger one would change the order of stamps
+    rounding: float = 1e-6  #: of an interval, or s: rounding of stamps is no deviation
+    digits: int = 6  #: of stamps and values in the table
 
-_TICK = 1e-6  # of an interval, or s: rounding of stamps is no deviation
+
+SETTINGS = SamplingSettings()
 
 
 def asynchronous(sensor: Sensor, t: Array) -> bool:
@@ -272,21 +266,21 @@ def asynchronous(sensor: Sensor, t: Array) -> bool:
     if sensor.rate_hz is None or len(t) < 2:
         return False
     intervals = 1.0 / (sensor.rate_hz * _step(t))
-    return round(intervals) < 1 or abs(intervals - round(intervals)) > _TICK * intervals
+    return round(intervals) < 1 or abs(intervals - round(intervals)) > SETTINGS.rounding * intervals
 
 
 def finer(sensors: Iterable[Sensor], t: Array) -> int:
     """Rows of the run per row of the log `t` (n,): 1, or so many that a sensor may sample in between."""
     if not any(asynchronous(sensor, t) for sensor in sensors):
         return 1
-    return max(1, math.ceil(_step(t) / _LONGEST_S - _TICK))
+    return max(1, math.ceil(_step(t) / SETTINGS.longest_step_s - SETTINGS.rounding))
 
 
 def rows(sensor: Sensor, t: Array) -> NDArray[np.bool_]:
     """Rows (n,) of the log in which a sensor in step with it gives a sample."""
     if sensor.rate_hz is None:
         return np.ones(len(t), bool)
-    count = np.floor((t - t[0]) * sensor.rate_hz + _TICK)
+    count = np.floor((t - t[0]) * sensor.rate_hz + SETTINGS.rounding)
     return np.concatenate([[True], np.diff(count) > 0.0])
 
 
@@ -294,11 +288,15 @@ def _own_stamps(sensor: Sensor, t: Array, random: np.random.Generator) -> tuple[
     """Stamps (m,) of a sensor with its own base within the log's times `t` (n,), and its regular times, s."""
     interval = _step(t) if sensor.rate_hz is None else 1.0 / sensor.rate_hz
     first = t[0] + sensor.phase_s
-    count = max(int(np.floor((t[-1] - first) / interval + _TICK)) + 1, 0)
+    count = max(int(np.floor((t[-1] - first) / interval + SETTINGS.rounding)) + 1, 0)
     regular = first + interval * np.arange(count)
-    miss = np.clip(random.normal(0.0, sensor.jitter_s, count), -_LARGEST * interval, _LARGEST * interval)
+    miss = np.clip(
+        random.normal(0.0, sensor.jitter_s, count),
+        -SETTINGS.largest_jitter * interval,
+        SETTINGS.largest_jitter * interval,
+    )
     stamps = regular + miss
-    logged = (stamps >= t[0]) & (stamps <= t[-1] + _TICK)
+    logged = (stamps >= t[0]) & (stamps <= t[-1] + SETTINGS.rounding)
     return stamps[logged], regular[logged]
 
 
@@ -329,8 +327,6 @@ def linear(values: ArrayLike, every: int) -> Array:
     index = np.arange((len(rows) - 1) * every + 1) / every
     return np.stack([np.interp(index, np.arange(len(rows)), column) for column in rows.T], axis=1)
 
-
-_DIGITS = 6  # of stamps and values in the table
 
 _DROP_OUTS, _JITTER = 1, 2  # generators of a sensor beside that of its noise
 
@@ -391,8 +387,12 @@ def measure(
     samples: list[tuple[tuple[str, ...], Array, Array]] = []
     for kind, sensor in sensors.items():
         stamps, cells = _samples(kind, sensor, log, fine, seed)
-        samples.append((log.columns(kind), np.round(stamps, _DIGITS), np.round(cells, _DIGITS)))
-    t = np.round(log.t, _DIGITS)
+        samples.append((
+            log.columns(kind),
+            np.round(stamps, SETTINGS.digits),
+            np.round(cells, SETTINGS.digits),
+        ))
+    t = np.round(log.t, SETTINGS.digits)
     if not in_step:
         seen = [stamps[np.isfinite(cells).any(axis=1)] for _, stamps, cells in samples]
         t = np.unique(np.concatenate([*seen, t] if inputs else seen))
@@ -404,7 +404,7 @@ def measure(
             column = np.full(len(t), np.nan)
             column[row[known]] = cells[known, k]
             table[name] = pl.Series(name, column, nan_to_null=True)
-    row = np.searchsorted(t, np.round(log.t, _DIGITS))
+    row = np.searchsorted(t, np.round(log.t, SETTINGS.digits))
     for name, values in (inputs or {}).items():
         column = np.full(len(t), np.nan)
         column[row] = values

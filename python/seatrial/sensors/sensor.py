@@ -191,11 +191,6 @@ class Sensor:
 def parse_sensors(tables: Mapping[str, Mapping[str, Any]], where: str = "sensors") -> dict[str, Sensor]:
     """Sensors by kind from their tables.
 
-    Raises
-    ------
-    TrialError
-        One is wrong, or two log the same columns.
-
     Examples
     --------
     >>> list(parse_sensors({"gyro": {}, "depth": {"noise_m": 0.01}}))
@@ -207,13 +202,7 @@ def parse_sensors(tables: Mapping[str, Mapping[str, Any]], where: str = "sensors
 
 
 def one_each(sensors: Mapping[str, Sensor], where: str = "sensors") -> None:
-    """Nothing, if no two sensors log the same column.
-
-    Raises
-    ------
-    TrialError
-        Two do.
-    """
+    """Nothing, if no two sensors log the same column."""
     owner: dict[str, str] = {}
     for kind in sensors:
         for column in KINDS[kind].columns:
@@ -285,13 +274,7 @@ _File = TypeVar("_File", bound=Section)
 
 
 def read_as(model: type[_File], path: Path) -> _File:
-    """Contents of a TOML file as one of the models.
-
-    Raises
-    ------
-    TrialError
-        The file cannot be read, is no TOML, or a key or value is wrong.
-    """
+    """Contents of a TOML file as one of the models."""
     sensors = model is SensorFile
     what = "a set of sensors" if sensors else "the file of a generated trial"
     advice = f"check the path, or use {TYPICAL}" if sensors else "check the path"

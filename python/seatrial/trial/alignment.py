@@ -41,14 +41,27 @@ from seatrial.trial.kinematics import Channels, Curve, Grid, attitude_rates, ear
 from seatrial.trial.resampling import linear, most_moving, own_samples
 from seatrial.trial.signals import RecordingReport, Series, Signal
 
-_LARGEST_S = 1.0
-"""Latencies are searched within plus and minus this."""
 
-_FOLLOWS = 0.7  # least correlation of a sensor whose latency can be estimated
+@dataclass(frozen=True)
+class AlignmentSettings:
+    """When a sensor follows the pose, which latencies and signs are removed, which scales reported."""
 
-_CLEARLY = 0.25  # of the motion of all axes: what one must have that a channel is missed in
+    largest_latency_s: float = 1.0  #: s; latencies are searched within plus and minus this
+    least_correlation: float = 0.7  #: correlation of a sensor whose latency can be estimated
+    #: of the motion of all axes: an axis with less cannot show that its channel is missing
+    clear_motion_share: float = 0.25
+    delay_step_s: float = 0.02  #: s, of the delay's difference quotient
+    slowest_position_s: float = 0.6  #: s, longest interval of a position that a latency can be estimated from
+    fewest_samples: int = 50  #: fewer samples of both sensors are not compared
+    most_samples: int = 40_000  #: of a channel are compared: an hour at 10 Hz; it bounds the memory
+    unit_tolerance: float = 0.15  #: relative: how far a scale against the pose may be off that of a unit
+    least_share_for_scale: float = 0.09  #: share explained from which a scale is told: a correlation of 0.3
+    worrying_scale: float = 3.0  #: a scale without a unit is worth a warning beyond this factor
+    other_scale: float = 1.25  #: a scale closer to one than this factor is not that of another unit
 
-_STEP_S = 0.02  # of the delay's difference quotient
+
+SETTINGS = AlignmentSettings()
+
 
 _COLUMN = {
     channel: column
@@ -58,12 +71,6 @@ _COLUMN = {
 }
 
 _AXES = {"velocity": "uvw", "rates": "pqr"}
-
-_SLOWEST_S = 0.6  # longest interval of a position that a latency can be estimated from
-
-_FEWEST = 50  # samples
-
-_MOST = 40_000  # samples of a channel that are compared: an hour at 10 Hz; memory is bounded by it
 
 
 @dataclass(frozen=True)
@@ -107,7 +114,11 @@ def align(
             or (name == "velocity" and "position" not in signals)
         ):
             continue
-        if name == "velocity" and "depth" in signals and signals["position"].step > _SLOWEST_S:
+        if (
+            name == "velocity"
+            and "depth" in signals
+            and signals["position"].step > SETTINGS.slowest_position_s
+        ):
             step = signals["position"].step
             message = f"latency not estimated: a position every {step:.2g} s is too slow for it"
             report.add("info", name, message, kind="latency not estimated")
@@ -130,7 +141,7 @@ def align(
         if delay is None:
             why = "too little motion or too few valid samples"
             if compared is not None and compared.at_end and any(axis.moves for axis in compared.follows):
-                why = f"what fits best lies at the end of the range of +/- {_LARGEST_S:g} s that is searched"
+                why = f"the best fit is at the end of the search, +/- {SETTINGS.largest_latency_s:g} s"
             report.add("info", name, f"latency not estimated: {why}")
         elif delay.trusted:
             report.latencies[name] = delay.seconds
@@ -192,12 +203,12 @@ class _Compared:
         y, known = self.shown(0.0)
         both = known & self.known
         sides = band(self.reference, both, self.grid), band(y, both, self.grid)
-        return lagged(*sides, self.grid.step, _LARGEST_S)[0]
+        return lagged(*sides, self.grid.step, SETTINGS.largest_latency_s)[0]
 
     @property
     def at_end(self) -> bool:
         """Whether that delay is only where the search ended."""
-        return at_end(self.rough, _LARGEST_S, self.grid.step)
+        return at_end(self.rough, SETTINGS.largest_latency_s, self.grid.step)
 
     @cached_property
     def follows(self) -> tuple[Follows, ...]:
@@ -214,7 +225,7 @@ class _Compared:
                 motion, column, channels[:, k], both[first] & both[second],
                 step=step, kind=self.group, lag=self.rough,
             )  # fmt: skip
-            other = rivals(sides[0][:, k], sides[1][:, k], step, _LARGEST_S)
+            other = rivals(sides[0][:, k], sides[1][:, k], step, SETTINGS.largest_latency_s)
             axes.append(replace(axis, rival=other[axis.gain < 0.0]))
         return tuple(axes)
 
@@ -227,7 +238,7 @@ def _compared(signals: Mapping[str, Signal], name: str) -> _Compared | None:
     names = tuple(channel for channel in signals[name].channels if channel in curves.curves)
     if not set(needed) <= set(curves.curves) or names != signals[name].channels:
         return None
-    grid = curves.grid((*needed, *names), _LARGEST_S)
+    grid = curves.grid((*needed, *names), SETTINGS.largest_latency_s)
     if grid is None:
         return None
     turning, known = attitude_rates(curves, grid)
@@ -235,7 +246,7 @@ def _compared(signals: Mapping[str, Signal], name: str) -> _Compared | None:
     if name == "velocity":
         motion, seen = pose_velocity(curves, grid)
         known = known & seen
-    if known.sum() < _FEWEST:
+    if known.sum() < SETTINGS.fewest_samples:
         return None
     return _Compared(name, names, curves, grid, motion, known, turning)
 
@@ -255,8 +266,8 @@ def _curves(signals: Mapping[str, Signal], names: Sequence[str]) -> Channels:
     samples = own_samples({name: signals[name] for name in names if name in signals})
     return Channels({
         channel: Curve(Series(t, y), angle=channel in ANGLES)
-        for channel, (t, y) in most_moving(samples, _MOST).items()
-        if len(t) >= _FEWEST
+        for channel, (t, y) in most_moving(samples, SETTINGS.most_samples).items()
+        if len(t) >= SETTINGS.fewest_samples
     })
 
 
@@ -270,18 +281,18 @@ def _latency(compared: _Compared, step: float) -> Latency | None:
     key = f"delay.{compared.group}"
     if compared.at_end:
         return None
-    parameter = Parameter(key, _STEP_S, 0.0, always=True, shift=True)
+    parameter = Parameter(key, SETTINGS.delay_step_s, 0.0, always=True, shift=True)
     starts = [{key: delay} for delay in sorted({0.0, compared.rough}, key=abs)]
     fit = fitted(residual, [parameter], compared.grid, starts)
     # Without a value the sensor never moves.
-    if fit is None or at_end(fit.values.get(key, np.inf), _LARGEST_S, compared.grid.step):
+    if fit is None or at_end(fit.values.get(key, np.inf), SETTINGS.largest_latency_s, compared.grid.step):
         return None
     seconds, deviation = fit.values[key], fit.sd[key]
     y, known = compared.shown(seconds)
     use = known & compared.known
     correlation = _correlation(y[use], compared.reference[use])
     certain = abs(seconds) > max(3.0 * deviation, 0.05 * step) and deviation < 0.5 * step
-    return Latency(seconds, deviation, correlation, certain and correlation > _FOLLOWS)
+    return Latency(seconds, deviation, correlation, certain and correlation > SETTINGS.least_correlation)
 
 
 def _correct_signs(
@@ -305,7 +316,7 @@ def _correct_signs(
         reference = found.reference[use, k]
         # A delay where the search ended is none, and no sign is told at it.
         if found.at_end or not (one.reversed or one.doubtful):
-            if one.unrelated and np.std(reference) > _CLEARLY * moving:
+            if one.unrelated and np.std(reference) > SETTINGS.clear_motion_share * moving:
                 words = f"does not follow the recorded pose ({one}); check the column map"
                 report.add("warning", channel, words)
             continue
@@ -331,14 +342,6 @@ def _correct_signs(
 
 _SI = {"velocity": "m/s", "rates": "rad/s"}
 
-_TOLERANCE = 0.15  # how far a scale against the pose may be off that of a unit
-
-_SCALED = 0.09  # share explained from which a scale is told: a correlation of 0.3
-
-_FAR_OFF = 3.0  # scales without a unit that are worth a warning
-
-_OFF = 1.25  # scales closer to one than this are not for units
-
 
 def _report_scale(
     sensor: Signal, found: _Compared, report: RecordingReport, sources: Mapping[str, Source]
@@ -350,9 +353,11 @@ def _report_scale(
     """
     y, known = found.shown(0.0)
     use = found.known & known
-    if use.sum() < _FEWEST:
+    if use.sum() < SETTINGS.fewest_samples:
         return
-    following = [k for k, one in enumerate(found.follows) if one.moves and one.share > _SCALED]
+    following = [
+        k for k, one in enumerate(found.follows) if one.moves and one.share > SETTINGS.least_share_for_scale
+    ]
     if following:
         told = [sensor.channels[k] for k in following]
         shown, moved = (float(np.linalg.norm(x[use][:, following].std(axis=0))) for x in (y, found.reference))
@@ -375,7 +380,7 @@ def _say_scale(
     """
     scale = shown / max(moved, 1e-300)
     side = implausible_side(shown, moved, sensor.name)
-    if 1.0 / _OFF < scale < _OFF or side == "both":
+    if 1.0 / SETTINGS.other_scale < scale < SETTINGS.other_scale or side == "both":
         return
     if side == "reference":
         channel = "z" if moving == "depth" else "position" if sensor.name == "velocity" else "attitude"
@@ -395,13 +400,17 @@ def _say_scale(
     for column in columns:
         source = sources[column]
         stated = _size_of_unit(source.unit, group)
-        likely = [unit for unit, size in units.items() if abs(scale * size / stated - 1.0) < _TOLERANCE]
+        likely = [
+            unit for unit, size in units.items() if abs(scale * size / stated - 1.0) < SETTINGS.unit_tolerance
+        ]
         said = f"{scale:.3g} times what the derivative of the recorded {moving} shows"
         channel = sensor.channels[columns.index(column)] if len(columns) == len(sensor.channels) else column
         if likely:
             entry = replace(source, unit=likely[0])
             said += f": {likely[0]}? State it in the column map: {column} = {entry}"
-        elif 1.0 / _FAR_OFF < scale < _FAR_OFF:  # noise of a positioning system may do that
+        elif (
+            1.0 / SETTINGS.worrying_scale < scale < SETTINGS.worrying_scale
+        ):  # noise of a positioning system may do that
             continue
         else:
             said += f"; check its unit, and that of the {moving}"
@@ -419,11 +428,11 @@ def _report_scale_of_depth(
     if depth is None or "z" not in depth.channels or "attitude" not in signals:
         return
     position = signals.get("position")
-    if position is not None and "x" in position.channels and position.step <= _SLOWEST_S:
+    if position is not None and "x" in position.channels and position.step <= SETTINGS.slowest_position_s:
         return
     curves = _curves(signals, ("position", "depth", "velocity", "attitude"))
     needed = {"z", *ANGLES, *signals["velocity"].channels}
-    grid = curves.grid(tuple(needed), _LARGEST_S) if needed <= set(curves.curves) else None
+    grid = curves.grid(tuple(needed), SETTINGS.largest_latency_s) if needed <= set(curves.curves) else None
     if grid is None:
         return
     v = np.stack([curves.at(name, grid.t, {}) for name in "uvw"], axis=1)
@@ -432,10 +441,12 @@ def _report_scale_of_depth(
         grid.slope(curves.at("z", grid.t, {}))[:, None],
         grid.low(earth_velocity(curves.rotation(grid.t), v)[:, 2:]),
     )
-    if known.sum() < _FEWEST:
+    if known.sum() < SETTINGS.fewest_samples:
         return
-    _, correlation = lagged(band(rate, known, grid), band(shown, known, grid), grid.step, 0.5 * _LARGEST_S)
-    if abs(correlation[0, 0]) > _FOLLOWS:
+    _, correlation = lagged(
+        band(rate, known, grid), band(shown, known, grid), grid.step, 0.5 * SETTINGS.largest_latency_s
+    )
+    if abs(correlation[0, 0]) > SETTINGS.least_correlation:
         sizes = float(shown[known].std()), float(rate[known].std())
         _say_scale(signals["velocity"], signals["velocity"].channels, *sizes, "depth", report, sources)
 

@@ -28,21 +28,42 @@ from numpy.typing import NDArray
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import CHANNELS
 from seatrial.base.frames import body_rates, matrix, to_euler
-from seatrial.trial.resampling import GAP, angles, held, linear, silences
+from seatrial.trial.resampling import RESAMPLING_SETTINGS, angles, held, linear, silences
 from seatrial.trial.signals import RecordingReport, Signal
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
-_PART_S = 60.0  # of a record, whose median currents are compared
 
-_FEWEST = 50  # samples that know both velocities
+@dataclass(frozen=True)
+class AssemblySettings:
+    """How a current is derived, which gaps and masks are reported, and how hard the pose is smoothed."""
 
-_STEADY = 0.02  # m/s: parts that differ by less are one current
+    current_part_s: float = 60.0  #: s, parts of a record whose median currents are compared
+    fewest_with_both_velocities: int = 50  #: samples; fewer tell no current
+    steady_current_m_s: float = 0.02  #: m/s: parts that differ by less have one current
+    certain_deviations: float = 4.0  #: deviations by which parts must differ for a current that changes
+    #: m/s: no steady water is as uncertain after minutes of Doppler samples
+    doubtful_current_m_s: float = 0.1
+    #: good data have a few per cent masked, and a rule that masks more may be wrong
+    reported_masked_share: float = 0.25
+    samples_beside_gap: int = 20  #: on either side of a gap, that tell the speed across it
+    #: usual ways between samples: a gap crossed by less may be a jump of the clock
+    one_interval_ways: float = 5.0
+    #: of the record in which a position from another sensor than the depth is known
+    whole_record_share: float = 0.5
+    most_silences_named: int = 5  #: silences of a command that a report lists
+    stencil_rows: int = 2  #: a derivative is valid where so many samples on both sides are valid
+    #: factor on the effective degrees of freedom, against under-smoothing
+    cross_validation_caution: float = 1.4
+    #: of a straight bridge over masked samples: it bounds the swing over a long gap
+    bridge_weight: float = 1e-3
+    shortest_cutoff_samples: float = 2.5  #: shortest cut-off period that is searched
+    longest_cutoff_samples: float = 200.0  #: longest one: the equations of longer periods are ill-conditioned
 
-_CERTAIN = 4.0  # deviations
 
-_DOUBTFUL = 0.1  # m/s: no steady water is as uncertain after minutes of Doppler samples
+SETTINGS = AssemblySettings()
+
 
 _NAMES = ("north", "east", "down")
 
@@ -84,9 +105,11 @@ def _add_current(
     )
     manner = "steady" if derived.steady else "changing, its mean"
     sentence = f"{manner} {numbers} m/s, from velocity over ground less that through water"
-    if derived.deviation.max() > _DOUBTFUL:
+    if derived.deviation.max() > SETTINGS.doubtful_current_m_s:
         sentence += "; the velocities do not agree on one current: check sign, unit and frame of both"
-    report.add("warning" if derived.deviation.max() > _DOUBTFUL else "info", "current", sentence)
+    report.add(
+        "warning" if derived.deviation.max() > SETTINGS.doubtful_current_m_s else "info", "current", sentence
+    )
 
 
 def water_current(t: Array, difference: Array, attitude: Array, known: Mask) -> WaterCurrent | None:
@@ -104,11 +127,13 @@ def water_current(t: Array, difference: Array, attitude: Array, known: Mask) -> 
     ([0.2, -0.1, 0.0], True)
     """
     index = np.flatnonzero(known)
-    if len(index) < _FEWEST:
+    if len(index) < SETTINGS.fewest_with_both_velocities:
         return None
     earth = np.einsum("nij,nj->ni", matrix(attitude[index]), difference[index])
-    count = max(2, round(float(t[-1] - t[0]) / _PART_S))
-    parts = np.array_split(np.arange(len(index)), min(count, len(index) // (_FEWEST // 2)))
+    count = max(2, round(float(t[-1] - t[0]) / SETTINGS.current_part_s))
+    parts = np.array_split(
+        np.arange(len(index)), min(count, len(index) // (SETTINGS.fewest_with_both_velocities // 2))
+    )
     medians = np.array([np.median(earth[part], axis=0) for part in parts])
     centre = np.median(earth, axis=0)
     # The scatter of the parts' medians is the median's uncertainty, coloured noise included.
@@ -118,7 +143,7 @@ def water_current(t: Array, difference: Array, attitude: Array, known: Mask) -> 
     # Four quarters estimate a part's own deviation badly; pooled over the parts they estimate the common one.
     within = np.sqrt(np.mean([_sure(earth[part]) ** 2 for part in parts], axis=0))
     apart = np.abs(medians - centre)
-    changing = (apart > _STEADY) & (apart > _CERTAIN * within)
+    changing = (apart > SETTINGS.steady_current_m_s) & (apart > SETTINGS.certain_deviations * within)
     if not changing.any():
         return WaterCurrent(np.tile(centre, (len(t), 1)), deviation, True)
     middles = np.array([t[index[part]].mean() for part in parts])
@@ -130,18 +155,6 @@ def _sure(samples: Array) -> Array:
     """Deviation (3,) of the median of samples (m, 3), from the medians of their quarters."""
     quarters = np.array([np.median(part, axis=0) for part in np.array_split(samples, 4)])
     return np.asarray(quarters.std(axis=0, ddof=1) / 2.0)
-
-
-_MUCH = 0.25  # of the samples masked: good data have a few per cent, and a rule that masks more may be wrong
-
-_ASIDE, _ONE_INTERVAL = 20, 5.0
-"""Samples on either side of a gap that tell the speed; times the usual way that is still one interval's."""
-
-_FIXES = 0.5  # share of the record in which a position from another sensor than the depth is known
-
-_MOST_SPANS = 5  # silences of a command that are named
-
-_STENCIL = 2  # a derivative is valid where this many samples on both sides are valid
 
 
 def assemble(signals: Mapping[str, Signal], t: Array, report: RecordingReport) -> dict[str, Any]:
@@ -208,7 +221,7 @@ def _report_masked(report: RecordingReport) -> None:
     """Report channels that are masked in more than a quarter of the record, with the largest cause."""
     lost: dict[str, list[str]] = {}
     for channel, count in report.masked.items():
-        if count > _MUCH * report.samples:
+        if count > SETTINGS.reported_masked_share * report.samples:
             lost.setdefault(_cause(channel, report), []).append(channel)
     for cause, channels in lost.items():
         share = max(report.masked[channel] for channel in channels) / report.samples
@@ -274,7 +287,7 @@ def _derive(
         missing = [k for k in range(3) if absent[first + k]]
         if not missing or not known.any():
             continue
-        window = 2 * _STENCIL + 1
+        window = 2 * SETTINGS.stencil_rows + 1
         good = np.asarray(minimum_filter1d(known.astype(np.uint8), window, mode="nearest")).astype(bool)
         columns = [first + k for k in missing]
         observed[:, columns] = filled[:, columns] = motion[:, missing]
@@ -293,7 +306,7 @@ def _only_fixes(signals: Mapping[str, Signal], valid: Mask, report: RecordingRep
         return
     columns = [CHANNELS.index(channel) for channel in position.channels]
     share = float(valid[:, columns].any(axis=1).mean())
-    if 0.0 < share < _FIXES:
+    if 0.0 < share < SETTINGS.whole_record_share:
         valid[:, columns] = False
         names = " ".join(position.channels)
         report.add(
@@ -305,7 +318,7 @@ def _only_fixes(signals: Mapping[str, Signal], valid: Mask, report: RecordingRep
 
 def _report_gaps(signal: Signal, report: RecordingReport) -> None:
     intervals = np.diff(signal.t)
-    gaps = intervals > GAP * signal.interval
+    gaps = intervals > RESAMPLING_SETTINGS.gap_intervals * signal.interval
     longest = float(intervals.max()) if gaps.any() else 0.0
     message, kind = f"gaps in time, the longest {longest:.2f} s; masked", ""
     if gaps.any() and _goes_on(signal, int(intervals.argmax())):
@@ -323,8 +336,11 @@ def _goes_on(signal: Signal, at: int) -> bool:
     if signal.name not in ("position", "attitude"):
         return False
     good = signal.good
-    sides = [np.flatnonzero(good[: at + 1])[-_ASIDE:], at + 1 + np.flatnonzero(good[at + 1 :])[:_ASIDE]]
-    if min(map(len, sides)) < _ASIDE:
+    sides = [
+        np.flatnonzero(good[: at + 1])[-SETTINGS.samples_beside_gap :],
+        at + 1 + np.flatnonzero(good[at + 1 :])[: SETTINGS.samples_beside_gap],
+    ]
+    if min(map(len, sides)) < SETTINGS.samples_beside_gap:
         return False
     steps = [np.linalg.norm(np.diff(signal.y[side], axis=0), axis=1) for side in sides]
     ways = [float(np.linalg.norm(signal.y[side[-1]] - signal.y[side[0]])) for side in sides]
@@ -332,9 +348,13 @@ def _goes_on(signal: Signal, at: int) -> bool:
     usual = float(np.median(np.concatenate(steps)))
     across = float(np.linalg.norm(signal.y[sides[1][0]] - signal.y[sides[0][-1]]))
     # A vehicle at rest, or noise alone, has no way to go on.
-    under_way = min(ways) > _ONE_INTERVAL * usual
+    under_way = min(ways) > SETTINGS.one_interval_ways * usual
     lost = speed * (signal.t[sides[1][0]] - signal.t[sides[0][-1]])
-    return under_way and across < _ONE_INTERVAL * usual and lost > 2.0 * _ONE_INTERVAL * usual
+    return (
+        under_way
+        and across < SETTINGS.one_interval_ways * usual
+        and lost > 2.0 * SETTINGS.one_interval_ways * usual
+    )
 
 
 def _silent(signals: Mapping[str, Signal], t: Array, report: RecordingReport) -> Mask:
@@ -354,7 +374,7 @@ def _silent(signals: Mapping[str, Signal], t: Array, report: RecordingReport) ->
             # The last command acts for its usual time; before the first one, none is known.
             first = start if start <= t[0] else start + usual
             silent |= (t >= first) & ((t < end) | (end >= t[-1]))
-        longest = sorted(sorted(spans, key=lambda span: span[0] - span[1])[:_MOST_SPANS])
+        longest = sorted(sorted(spans, key=lambda span: span[0] - span[1])[: SETTINGS.most_silences_named])
         listed = ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in longest)
         more = f" and {len(spans) - len(longest)} shorter ones" if len(spans) > len(longest) else ""
         names = ", ".join(signal.name.removeprefix("cmd.") for signal in stream)
@@ -410,14 +430,6 @@ def _wrench(signals: Mapping[str, Signal], t: Array) -> Array | None:
     return tau
 
 
-_CAUTION = 1.4  # factor on the effective degrees of freedom
-
-_FILL_WEIGHT = 1e-3  # weight of a straight bridge over masked samples: it bounds the swing over a long gap
-
-# Cut-off periods searched, in samples; the equations of longer ones are ill-conditioned.
-_SHORTEST, _LONGEST = 2.5, 200.0
-
-
 def smooth(y: Array, valid: Mask) -> Array:
     """Smoothed columns, shape (n, k), of uniform samples `y` (n, k) of one smoothness, `valid` (n,).
 
@@ -432,7 +444,7 @@ def smooth(y: Array, valid: Mask) -> Array:
         return _bridged(y, good)
     # Masked samples get a weak straight bridge, so that the spline does not swing over a gap.
     filled = _bridged(y, good)
-    weight = np.where(valid, 1.0, _FILL_WEIGHT)
+    weight = np.where(valid, 1.0, SETTINGS.bridge_weight)
     penalty = _penalty_bands(n)
     frequency = (2.0 * np.sin(0.5 * np.pi * np.arange(n) / n)) ** 6
 
@@ -441,11 +453,11 @@ def smooth(y: Array, valid: Mask) -> Array:
         bands[-1] += weight
         f: Array = solveh_banded(bands, weight[:, None] * filled, check_finite=False)
         # Trace of the smoother from its gain at the frequencies of the uniform base, instead of an inverse.
-        freedom = _CAUTION * np.sum(1.0 / (1.0 + strength * frequency)) / n
+        freedom = SETTINGS.cross_validation_caution * np.sum(1.0 / (1.0 + strength * frequency)) / n
         residual = np.mean((y[good] - f[good]) ** 2)
         return (float(residual / (1.0 - freedom) ** 2) if freedom < 1.0 else np.inf), f
 
-    periods = np.geomspace(_SHORTEST, _LONGEST, 24)
+    periods = np.geomspace(SETTINGS.shortest_cutoff_samples, SETTINGS.longest_cutoff_samples, 24)
     strengths = (2.0 * np.sin(np.pi / periods)) ** -6.0
     return min((solve(strength) for strength in strengths), key=lambda result: result[0])[1]
 

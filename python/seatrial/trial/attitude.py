@@ -34,19 +34,36 @@ from seatrial.trial.kinematic_axes import LEAST_MOTION, band
 from seatrial.trial.kinematics import Channels, Grid, differences, rotation_rates
 from seatrial.trial.signals import RecordingReport, Signal
 
-_EXPLAINED, _FAILS = 0.8, 0.4  # share of the motion that the right convention explains, and a wrong one
 
-_CLEARLY = 2.0  # times as much must another convention leave unexplained
+@dataclass(frozen=True)
+class AttitudeSettings:
+    """When another convention of the attitude or a tilt of its earth frame is believed."""
 
-_LESS_UPRIGHT = 0.1  # by which the mean of the vertical's cosine may fall: vehicles are upright, mostly
+    right_share: float = 0.8  #: of the motion that the right convention explains at least
+    wrong_share: float = 0.4  #: of the motion that a wrong convention explains at most
+    clearly_worse: float = 2.0  #: another convention must leave so many times as much unexplained
+    #: by which the mean of the vertical's cosine may fall: vehicles are upright, mostly
+    upright_loss: float = 0.1
+    telling_share: float = 0.5  #: that some convention must explain of a sensor for it to be asked
+    equal_share: float = 1e-4  #: shares that differ by less are those of one convention
+    largest_delay_s: float = 1.5  #: s, between the sensors where they are compared
+    #: rad: an attitude sensor or a frame of markers may be off by so much anyway
+    smallest_tilt_rad: float = 0.5 * DEGREE
+    certain_deviations: float = 5.0  #: deviations by which a tilt must differ from zero
+    widest_deviation_rad: float = 0.5 * DEGREE  #: rad, deviation of a tilt that is worth correcting
+    #: mean resultant length of headings within some 40 deg: they tell no tilt
+    concentrated_headings: float = 0.95
+    huber_deviations: float = 1.3  #: robust deviations from which a sample counts linearly
+    jackknife_blocks: int = 8  #: parts of the record that are left out in turn
+    most_reweightings: int = 20  #: rounds of the weights at most
+    fewest_samples: int = 200  #: fewer tell no tilt
 
-_TELLS = 0.5  # share that some convention must explain of a sensor that is asked
 
-_ALIKE = 1e-4  # shares that differ by less are those of one convention
+SETTINGS = AttitudeSettings()
+
 
 _ANGLES = ("roll", "pitch", "yaw")
 
-_REACH_S = 1.5  # of the delay between the sensors, as where they are compared
 
 _FRAMES = ("FRD/NED", "FLU/NWU", "FLU/ENU")
 """Pairs of body and earth frame in use: inside, ROS by the names of Beluga's bridge, ROS by REP 103."""
@@ -124,25 +141,25 @@ def attitude_convention(channels: Channels, *, quaternion: bool = True) -> Attit
         return None
     read = AttitudeConvention(False, False, _FRAMES[0])
     witnesses = [witness for witness in (_by_gyro(channels), _by_velocity(channels)) if witness is not None]
-    if not witnesses or min(witness.share(read) for witness in witnesses) > _FAILS:
+    if not witnesses or min(witness.share(read) for witness in witnesses) > SETTINGS.wrong_share:
         return None
     several = _axes_moving(channels) > 1
     every = list(_conventions(several=several, quaternion=quaternion))
     shares = np.array([[witness.share(convention) for convention in every] for witness in witnesses])
     # What no convention explains has another fault, and tells nothing of this one.
-    tells = shares.max(axis=1) > _TELLS
+    tells = shares.max(axis=1) > SETTINGS.telling_share
     if not tells.any():
         return None
     total = shares[tells].min(axis=0)
     best = int(np.argmax(total))
-    if best == 0 or total[best] < _EXPLAINED or total[0] > _FAILS:
+    if best == 0 or total[best] < SETTINGS.right_share or total[0] > SETTINGS.wrong_share:
         return None
-    if _upright(witnesses[0], every[best]) < _upright(witnesses[0], read) - _LESS_UPRIGHT:
+    if _upright(witnesses[0], every[best]) < _upright(witnesses[0], read) - SETTINGS.upright_loss:
         return None
     # Earth frames that differ by a heading alone are one to gyro and depth: the first stands for both.
-    alike = np.abs(shares[tells] - shares[tells][:, [best]]).max(axis=0) < _ALIKE
+    alike = np.abs(shares[tells] - shares[tells][:, [best]]).max(axis=0) < SETTINGS.equal_share
     others = total[~alike]
-    if 1.0 - float(others.max(initial=0.0)) < _CLEARLY * (1.0 - float(total[best])):
+    if 1.0 - float(others.max(initial=0.0)) < SETTINGS.clearly_worse * (1.0 - float(total[best])):
         return None
     only_gyro = [witness.of for witness, here in zip(witnesses, tells, strict=True) if here] == ["gyro"]
     chosen = every[best]
@@ -193,7 +210,7 @@ class _Told:
         implied = implied[:, self.used]
         a, b = band(implied, self.good, self.grid), self.changes
         # All axes in one sum and with their signs: an exchange or a reversal of one of them does not count.
-        n, most = len(a), min(_REACH_S, 0.2 * float(np.ptp(self.grid.t)))
+        n, most = len(a), min(SETTINGS.largest_delay_s, 0.2 * float(np.ptp(self.grid.t)))
         reach = max(1, round(most / self.grid.step))
         size = next_fast_len(n + reach + 1, real=True)
         both = np.conj(rfft(a, size, axis=0)) * rfft(b, size, axis=0)
@@ -270,22 +287,6 @@ def _axes_moving(channels: Channels) -> int:
 LARGEST = 10.0 * DEGREE
 """More is no tilt of a frame but another frame: it is reported and left."""
 
-_SMALLEST = 0.5 * DEGREE  # what an attitude sensor or a marker frame may be off anyway
-
-_CERTAIN = 5.0  # deviations
-
-_WIDEST = 0.5 * DEGREE  # deviation of a tilt that is worth correcting
-
-_CONCENTRATED = 0.95  # mean resultant length of headings that lie too close together, within some 40 deg
-
-_HUBER = 1.3  # robust deviations from which a sample counts linearly
-
-_BLOCKS = 8  # of the jackknife, as the head says
-
-_SWEEPS = 20  # of the weights at most
-
-_FEWEST = 200  # samples
-
 
 @dataclass(frozen=True)
 class Tilt:
@@ -352,24 +353,31 @@ def turned_upright(signals: Mapping[str, Signal], tilted: Tilt) -> dict[str, Sig
 def certain_tilt(q: Array) -> Tilt | None:
     """Tilt of the frame of the quaternions (n, 4) if it is certainly more than a sensor may be off anyway."""
     tilted = tilt(q)
-    if tilted is None or tilted.angle - _CERTAIN * tilted.deviation < _SMALLEST:
+    if (
+        tilted is None
+        or tilted.angle - SETTINGS.certain_deviations * tilted.deviation < SETTINGS.smallest_tilt_rad
+    ):
         return None
     return tilted
 
 
 def tilt(q: Array) -> Tilt | None:
     """Tilt of the frame of the quaternions (n, 4); None if they are few or their headings lie together."""
-    if len(q) < _FEWEST:
+    if len(q) < SETTINGS.fewest_samples:
         return None
     turned = matrix(q)
-    if np.hypot(turned[:, 0, 0].mean(), turned[:, 1, 0].mean()) > _CONCENTRATED:
+    if np.hypot(turned[:, 0, 0].mean(), turned[:, 1, 0].mean()) > SETTINGS.concentrated_headings:
         return None
     direction = _direction(turned)
-    blocks = np.array_split(np.arange(len(q)), _BLOCKS)
+    blocks = np.array_split(np.arange(len(q)), SETTINGS.jackknife_blocks)
     left_out = np.array([_direction(np.delete(turned, block, axis=0)) for block in blocks])
-    scatter = (_BLOCKS - 1) / _BLOCKS * np.sum((left_out - left_out.mean(axis=0)) ** 2, axis=0)
+    scatter = (
+        (SETTINGS.jackknife_blocks - 1)
+        / SETTINGS.jackknife_blocks
+        * np.sum((left_out - left_out.mean(axis=0)) ** 2, axis=0)
+    )
     deviation = float(np.sqrt(scatter.max()))
-    trusted = deviation < _WIDEST and float(np.linalg.norm(direction)) < np.sin(LARGEST)
+    trusted = deviation < SETTINGS.widest_deviation_rad and float(np.linalg.norm(direction)) < np.sin(LARGEST)
     return Tilt(direction, deviation, trusted)
 
 
@@ -383,7 +391,7 @@ def _direction(turned: Array) -> Array:
     design, goal = columns.reshape(2 * n, 4), -turned[:, :2, 2].T.ravel()
     weight = np.ones(2 * n)
     solution: Array = np.zeros(4)
-    for _ in range(_SWEEPS):
+    for _ in range(SETTINGS.most_reweightings):
         normal = design.T @ (weight[:, None] * design)
         before = solution
         # Without its only turn a block's remainder may be singular: least norm, and a large deviation.
@@ -392,7 +400,7 @@ def _direction(turned: Array) -> Array:
             break
         # Huber's weights: swinging at the turns of a zigzag must not pass for a tilt.
         residual = np.abs(goal - design @ solution)
-        knee = _HUBER * 1.4826 * float(np.median(residual)) + 1e-12
+        knee = SETTINGS.huber_deviations * 1.4826 * float(np.median(residual)) + 1e-12
         weight = 1.0 / np.maximum(residual / knee, 1.0)
     a, b = solution[:2]
     return np.asarray(solution[2:] / np.sqrt(1.0 + a * a + b * b))

@@ -98,12 +98,6 @@ def parse(
 
     A column that is called as a canonical one but for its unit (``roll_rad``, ``cmd.fin_deg``) is read in it.
     A unit that the recording states for a column (`units`) counts where the map gives none.
-
-    Raises
-    ------
-    TrialError
-        If a canonical name, a key or a source column is unknown, a value has the wrong type, the time is
-        missing or nothing but the time is there.
     """
     sources: dict[str, Source] = {}
     for canonical, given in (columns or {}).items():
@@ -135,13 +129,7 @@ def parse(
 
 
 def _in_other_units(present: Sequence[str], file: str) -> dict[str, tuple[str, str]]:
-    """By column, the canonical one that it is in another unit, and that unit: roll_rad, cmd.fin_deg.
-
-    Raises
-    ------
-    TrialError
-        If two columns are one quantity, or a command has a unit that no actuator has.
-    """
+    """By column, the canonical one that it is in another unit, and that unit: roll_rad, cmd.fin_deg."""
     result: dict[str, tuple[str, str]] = {}
     for name in present:
         if name in CANONICAL:
@@ -181,13 +169,7 @@ def _actuator(name: str) -> bool:
 
 
 def check_canonical(name: str, file: str) -> None:
-    """Refuse what is no canonical column.
-
-    Raises
-    ------
-    TrialError
-        With the nearest known name.
-    """
+    """Refuse what is no canonical column."""
     if not (name in CANONICAL or _actuator(name)):
         known = (*CANONICAL, "cmd.<actuator>", "meas.<actuator>")
         raise TrialError(f'{file}: column map: "{name}" is no canonical column{nearest(name, known)}')
@@ -195,11 +177,6 @@ def check_canonical(name: str, file: str) -> None:
 
 def mapped(canonical: str, given: Any, present: Sequence[str], file: str) -> Source:
     """Source of a canonical column from its entry in a column map, which the recording must have.
-
-    Raises
-    ------
-    TrialError
-        The entry is wrong, or the recording has no such column.
 
     Examples
     --------
@@ -216,13 +193,7 @@ def mapped(canonical: str, given: Any, present: Sequence[str], file: str) -> Sou
 
 
 def source_of(given: Any, where: str) -> Source:
-    """Source of a canonical column from its entry in a column map: the column's name, or a table.
-
-    Raises
-    ------
-    TrialError
-        An unknown key or a value of the wrong type; the message begins with `where`.
-    """
+    """Source of a canonical column from its entry in a column map: the column's name, or a table."""
     if isinstance(given, str):
         return Source(given)
     if not isinstance(given, Mapping):

@@ -46,7 +46,18 @@ _UNITS = {"_deg_s": DEGREE, "_m_s": 1.0, "_m": 1.0}  # longer ones first
 KEYS = ("automatic", "signs", "axes", "delay_s", "tilt_deg", "scale", "bias", "heading_deg", "current")
 """Keys of the table."""
 
-_LARGEST_DELAY_S, _LARGEST_SCALE, _LARGEST_ANGLE_DEG = 1e3, 1e6, 360.0  # beyond is another unit
+
+@dataclass(frozen=True)
+class CorrectionSettings:
+    """Largest values that a correction may hold: a larger one is in another unit."""
+
+    largest_delay_s: float = 1e3  #: s
+    largest_scale: float = 1e6  #: a factor
+    largest_angle_deg: float = 360.0  #: deg
+    farthest_lengths: float = 2.0  #: lengths of the hull: no sensor is carried farther out
+
+
+SETTINGS = CorrectionSettings()
 
 
 @dataclass(frozen=True)
@@ -108,11 +119,6 @@ def merged(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
 def parse_corrections(given: Mapping[str, Any] | None, where: str) -> Corrections:
     """Corrections from their table.
 
-    Raises
-    ------
-    TrialError
-        An unknown key, or a value that a key may not hold; the message begins with `where`.
-
     Examples
     --------
     >>> parse_corrections({"delay_s": {"velocity": 0.24}}, "log.csv: corrections").delay
@@ -130,13 +136,13 @@ def parse_corrections(given: Mapping[str, Any] | None, where: str) -> Correction
     mounting = read.angles(tilts, "velocity", 3, "roll, pitch and yaw of the sensor in the body")
     frame = read.angles(tilts, "frame", 2, "gravity's direction north and east of the frame's z")
     heading = read.number(
-        table.get("heading_deg", 0.0), "heading_deg", _LARGEST_ANGLE_DEG, "give it in degrees"
+        table.get("heading_deg", 0.0), "heading_deg", SETTINGS.largest_angle_deg, "give it in degrees"
     )
     return Corrections(
         automatic=automatic,
         signs={k: read.sign(v, k) for k, v in read.table("signs", _CHANNELS).items()},
         axes=read.axes(),
-        delay=read.numbers("delay_s", _DELAYED, _LARGEST_DELAY_S, "give it in seconds"),
+        delay=read.numbers("delay_s", _DELAYED, SETTINGS.largest_delay_s, "give it in seconds"),
         scale=read.scales(),
         bias=read.biases(),
         mounting=None if mounting is None else mounting * DEGREE,
@@ -207,8 +213,8 @@ class _Reader:
         """Positive factors of sensors and channels."""
         remedy = "a factor is positive; give a sign under signs"
         entries = self.table("scale", (*CHANNELS_OF, *_CHANNELS)).items()
-        least = 1.0 / _LARGEST_SCALE
-        return {k: self.number(v, f"scale.{k}", _LARGEST_SCALE, remedy, least) for k, v in entries}
+        least = 1.0 / SETTINGS.largest_scale
+        return {k: self.number(v, f"scale.{k}", SETTINGS.largest_scale, remedy, least) for k, v in entries}
 
     def biases(self) -> dict[str, float]:
         """SI biases by channel; the key ends in the unit."""
@@ -262,7 +268,7 @@ class _Reader:
                 f"{self.where}, tilt_deg.{key}: expected {count} angles in degrees ({meaning}), found"
                 f" {value!r}"
             )
-        most = _LARGEST_ANGLE_DEG if count == 3 else 45.0
+        most = SETTINGS.largest_angle_deg if count == 3 else 45.0
         return np.array([
             self.number(angle, f"tilt_deg.{key}", most, "give it in degrees") for angle in value
         ])
@@ -378,20 +384,12 @@ class _Work:
                 self.signals[key] = self.signals[key].earlier(seconds)
 
 
-_FAR = 2.0  # of the hull's length; nothing is carried that far out
-
 _SENSORS = ("velocity", "position", "depth")
 """Sensors that may sit elsewhere than in O: velocity (over ground and through water), position, depth."""
 
 
 def parse_positions(positions: Mapping[str, Sequence[float]] | None, file: str) -> dict[str, Array]:
-    """Positions (3,) in m, body axes from O, by sensor.
-
-    Raises
-    ------
-    TrialError
-        An unknown sensor, or a position that is not three finite numbers.
-    """
+    """Positions (3,) in m, body axes from O, by sensor."""
     parsed: dict[str, Array] = {}
     for sensor, position in (positions or {}).items():
         if sensor not in _SENSORS:
@@ -412,15 +410,9 @@ def parse_positions(positions: Mapping[str, Sequence[float]] | None, file: str) 
 
 
 def refuse_far(positions: Mapping[str, Sequence[float]], length: float | None, where: str) -> None:
-    """Refuse positions far outside a hull of this length, m: they are in another unit.
-
-    Raises
-    ------
-    CampaignError
-        The message begins with `where`.
-    """
+    """Refuse positions far outside a hull of this length, m: they are in another unit."""
     for sensor, position in positions.items():
-        if length is not None and max(map(abs, position)) > _FAR * length:
+        if length is not None and max(map(abs, position)) > SETTINGS.farthest_lengths * length:
             raise CampaignError(
                 f"{where}, key {sensor}_m: expected a position in m, found {list(position)},"
                 f" far outside the hull of {length:g} m; check the unit"

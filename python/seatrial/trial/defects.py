@@ -28,22 +28,31 @@ from seatrial.trial.signals import RecordingReport, Signal
 
 _MEASURED = ("position", "depth", "attitude", "velocity", "water velocity", "rates")
 
-_TRUSTED_AFTER_S = 5.0
-"""A pose between two jumps less than this apart is taken for a wrong solution of the positioning system."""
 
-_PULSES_US, _LONGEST_US = (700.0, 2500.0), 3000.0  # usual pulse widths of motors and servos, and impossible
+@dataclass(frozen=True)
+class DefectSettings:
+    """What makes samples frozen, jumping, constant or impossible."""
 
-_ABOVE_M = 0.3  # m: rounding, drift and waves bring a vehicle at the surface no higher for most of a record
+    #: s: a pose between two jumps less than this apart is a wrong solution of the positioning system
+    longest_wrong_fix_s: float = 5.0
+    usual_pulses_us: tuple[float, float] = (700.0, 2500.0)  #: us, pulse widths of motors and servos
+    longest_pulse_us: float = 3000.0  #: us: a longer pulse width is impossible
+    #: m: rounding, drift and waves bring a vehicle at the surface no higher for most of a record
+    above_surface_m: float = 0.3
+    #: of a command's samples up to which impossible ones are damage and not another unit
+    damaged_share: float = 0.01
+    believed_speeds: float = 3.0  #: a pose may move this many times faster than its speed sensor says
+    #: a rounded sensor repeats single channels in more than this share of its samples
+    rounded_share: float = 0.01
+    repeats_by_chance: int = 3  #: repeats in a row of a scalar that mean nothing
+    stuck_rad: float = 1e-6  #: rad: less than any sensor's noise, more than the rounding of quaternions
+    cancelled_share: float = 0.5  #: of the largest jump, that may be left of jumps which cancel
+    #: a slower sensor written at the table's rate repeats at least this share of its samples
+    held_share: float = 0.05
+    held_runs: int = 20  #: and does so in at least so many runs
 
-_DAMAGED = 0.01  # share of a command's samples up to which they are damage
 
-_BELIEVED = 3.0  # a pose may move this many times faster than its speed sensor says
-
-_ROUNDED_SHARE = 0.01  # a rounded sensor repeats single channels in more than this share of its samples
-
-_CHANCE = 3  # repeats in a row of a scalar that mean nothing
-
-_STUCK = 1e-6  # rad: less than any sensor's noise, more than the rounding of quaternions
+SETTINGS = DefectSettings()
 
 
 @dataclass(frozen=True)
@@ -78,11 +87,6 @@ class _Correction:
 
 
 _SPIKE, _CORRECTION = _Spike(), _Correction()
-
-_BACK = 0.5  # of the largest jump: what is left of jumps that cancel
-
-# A slower sensor written at the table's rate repeats at least this share of its samples, in many short runs.
-_HELD_SHARE, _HELD_RUNS = 0.05, 20
 
 
 def mark(signals: Mapping[str, Signal], report: RecordingReport) -> dict[str, Signal]:
@@ -160,7 +164,7 @@ def _silent(measured: list[Signal], repeated: Mapping[str, Mask], report: Record
 def _usual_run(repeated: Mask) -> int:
     """Longest run of repeats, samples, that is ordinary: a slower sensor in a table at a higher rate."""
     lengths = [stop - start for start, stop in runs(repeated)]
-    if len(lengths) >= _HELD_RUNS and repeated.mean() > _HELD_SHARE:
+    if len(lengths) >= SETTINGS.held_runs and repeated.mean() > SETTINGS.held_share:
         return 3 * int(np.quantile(lengths, 0.9))
     return 0
 
@@ -235,11 +239,11 @@ def _frozen(signal: Signal, repeated: Mask, at_rest: Mask, report: RecordingRepo
         )
     # A sensor with noise never repeats one channel alone; a rounded or simulated one does.
     alone = np.any(signal.y[1:] == signal.y[:-1], axis=1) & ~repeated[1:]
-    noisy = signal.y.shape[1] > 1 and alone.mean() < _ROUNDED_SHARE
+    noisy = signal.y.shape[1] > 1 and alone.mean() < SETTINGS.rounded_share
     jumps = _jumps(signal)
     # Rounded samples of a pressure cell repeat by chance, a drop-out is longer than that.
     if signal.y.shape[1] == 1:
-        usual = max(usual, _CHANCE)
+        usual = max(usual, SETTINGS.repeats_by_chance)
     events = 0
     for start, stop in pauses:
         ends = stop < len(repeated) and jumps[stop]
@@ -307,7 +311,7 @@ def _between_jumps(signal: Signal, speedometer: Signal | None, report: Recording
         3.0 * np.quantile(speed, 0.98),
         _corrections(steps, wide) / signal.step,
     )
-    limit = np.maximum(threshold, _BELIEVED * _speed_near(speedometer, t[1:]))
+    limit = np.maximum(threshold, SETTINGS.believed_speeds * _speed_near(speedometer, t[1:]))
     jump = np.flatnonzero((deviation > threshold) & (speed > limit))
     if speedometer is None:  # nothing else tells a fast motion from a wrong solution
         jump = np.array([at for at in jump.tolist() if _alone(speed, deviation, at)], int)
@@ -316,7 +320,7 @@ def _between_jumps(signal: Signal, speedometer: Signal | None, report: Recording
     starts = np.concatenate([[0], jump + 1])
     ends = np.concatenate([jump, [len(t) - 1]])
     for place, (start, end) in enumerate(zip(starts, ends, strict=True)):
-        if t[end] - t[start] >= _TRUSTED_AFTER_S:
+        if t[end] - t[start] >= SETTINGS.longest_wrong_fix_s:
             continue
         # At an end of the record nothing tells on which side of the jump the pose is right.
         edge = start == 0 or end == len(t) - 1
@@ -327,7 +331,7 @@ def _between_jumps(signal: Signal, speedometer: Signal | None, report: Recording
         "warning",
         signal.label,
         f"jumps faster than any ordinary motion; {int(result.sum())} samples beside them, "
-        f"or away between two less than {_TRUSTED_AFTER_S:g} s apart, masked",
+        f"or away between two less than {SETTINGS.longest_wrong_fix_s:g} s apart, masked",
         len(jump),
     )
     return result
@@ -336,20 +340,20 @@ def _between_jumps(signal: Signal, speedometer: Signal | None, report: Recording
 def _wrong(steps: Array, jump: NDArray[np.intp], place: int, t: Array, wide: float) -> bool:
     """Whether the pose between jumps `place` - 1 and `place` is a wrong solution: jumps beside it cancel.
 
-    Several wrong solutions may follow one another, each less than `_TRUSTED_AFTER_S` long. Jumps as wide as
-    much of the whole record's motion are no corrections, whatever they lead to.
+    Several wrong solutions may follow one another, each less than `longest_wrong_fix_s` long. Jumps as
+    wide as much of the whole record's motion are no corrections, whatever they lead to.
     """
     size = np.linalg.norm(steps[jump], axis=1)
     if size[place - 1 : place + 1].max() > _CORRECTION.small * wide:
         return True
     for first in range(place - 1, -1, -1):
-        if first < place - 1 and t[jump[first + 1]] - t[jump[first] + 1] > _TRUSTED_AFTER_S:
+        if first < place - 1 and t[jump[first + 1]] - t[jump[first] + 1] > SETTINGS.longest_wrong_fix_s:
             return False
         for last in range(place, len(jump)):
-            if t[jump[last]] - t[jump[last - 1] + 1] > _TRUSTED_AFTER_S:
+            if t[jump[last]] - t[jump[last - 1] + 1] > SETTINGS.longest_wrong_fix_s:
                 break
             left = float(np.linalg.norm(steps[jump[first : last + 1]].sum(axis=0)))
-            if left < _BACK * float(size[first : last + 1].max()):
+            if left < SETTINGS.cancelled_share * float(size[first : last + 1].max()):
                 return True
     return False
 
@@ -460,10 +464,10 @@ def stuck(angles: Mapping[str, Array]) -> dict[str, float]:
     >>> stuck({"roll": np.zeros(9), "pitch": np.full(9, 0.1), "yaw": np.arange(9.0)})
     {'pitch': 0.1}
     """
-    still = {name: float(y[0]) for name, y in angles.items() if len(y) and np.ptp(y) <= _STUCK}
+    still = {name: float(y[0]) for name, y in angles.items() if len(y) and np.ptp(y) <= SETTINGS.stuck_rad}
     if len(still) == len(angles):
         return {}
-    return {name: value for name, value in still.items() if abs(value) > _STUCK}
+    return {name: value for name, value in still.items() if abs(value) > SETTINGS.stuck_rad}
 
 
 def report_height(signals: Mapping[str, Signal], report: RecordingReport) -> None:
@@ -473,7 +477,7 @@ def report_height(signals: Mapping[str, Signal], report: RecordingReport) -> Non
             continue
         place = signal.channels.index("z")
         z = signal.y[~signal.bad[:, place], place]
-        above = float(np.mean(z < -_ABOVE_M)) if len(z) else 0.0
+        above = float(np.mean(z < -SETTINGS.above_surface_m)) if len(z) else 0.0
         if above > 0.5:
             report.add(
                 "warning",
@@ -495,10 +499,10 @@ def _possible_pulses(signals: Mapping[str, Signal], report: RecordingReport) -> 
     mended = {}
     for name, signal in signals.items():
         y = signal.y[:, 0] if name.startswith("cmd.") else np.zeros(0)
-        wrong = y > _LONGEST_US
-        if not wrong.any() or wrong.mean() > _DAMAGED or (wrong[1:] & wrong[:-1]).any():
+        wrong = y > SETTINGS.longest_pulse_us
+        if not wrong.any() or wrong.mean() > SETTINGS.damaged_share or (wrong[1:] & wrong[:-1]).any():
             continue
-        usual = (y > _PULSES_US[0]) & (y < _PULSES_US[1])
+        usual = (y > SETTINGS.usual_pulses_us[0]) & (y < SETTINGS.usual_pulses_us[1])
         if not (usual | wrong | (y == 0.0)).all() or not usual.any():
             continue
         before = np.maximum.accumulate(np.where(wrong, -1, np.arange(len(y))))
@@ -507,7 +511,7 @@ def _possible_pulses(signals: Mapping[str, Signal], report: RecordingReport) -> 
         report.add(
             "warning",
             name,
-            f"pulse widths above {_LONGEST_US:g} us; the one before is held instead",
+            f"pulse widths above {SETTINGS.longest_pulse_us:g} us; the one before is held instead",
             int(wrong.sum()),
         )
     return mended

@@ -73,11 +73,6 @@ def export(table: pl.DataFrame, path: str | Path, *, units: Mapping[str, str] | 
         Unit by column, instead of that in its name: ``{"u_m_s": "knot"}`` becomes a column ``u [knot]``. Not
         for MCAP, whose columns keep their names.
 
-    Raises
-    ------
-    TrialError
-        The ending, a column or a unit is wrong, or the file cannot be written.
-
     Examples
     --------
     >>> import seatrial as st

@@ -28,9 +28,47 @@ UNITS: Mapping[str, Mapping[str, float]] = {
 }
 """Units other than SI that recordings have, by their size in SI."""
 
-_SLOWEST_S = 10.0  # slower changes are offsets and drifts
 
-_FITS, _FAILS = 0.6, 0.2  # correlation of an assignment that is believed, and of one that is not
+@dataclass(frozen=True)
+class AxesSettings:
+    """When a channel stands for an axis, with which sign and unit, and when that is beyond doubt."""
+
+    slowest_change_s: float = 10.0  #: s: slower changes are offsets and drifts
+    believed_correlation: float = 0.6  #: of an assignment of channels to axes that is believed
+    refuted_correlation: float = 0.2  #: of one that is not
+    #: of the largest axis: what two misalignments of 6 deg leak together, which no regression knows
+    leaked_share: float = 0.01
+    #: factor by which the gain of a corrected sign may be off: no sensor's scale is further off, any leak is
+    corrected_gain: float = 1.5
+    proposed_gain: float = 2.0  #: the same for a sign that is proposed only
+    corrected_share: float = 0.5  #: share explained by a sign that is corrected
+    proposed_share: float = 0.36  #: share explained by a sign that is proposed only
+    unrelated_share: float = 0.09  #: a channel with less has nothing of its axis: a correlation of 0.3
+    sure_deviations: float = 4.0  #: deviations by which a gain must differ from zero
+    #: what the reversed sign leaves of the variance over what the recorded one leaves at any delay
+    rival_left: float = 0.7
+    block_s: float = 10.0  #: s, blocks of time that tell the deviation of a gain
+    most_blocks: int = 60  #: longer records have longer blocks
+    fewest_blocks: int = 8  #: shorter records have shorter blocks
+    huber_deviations: float = 2.5  #: deviations from which a sample counts linearly
+    reweightings: int = 5  #: rounds that settle the weights
+    #: deviations from which a sample has no weight: 95 % efficient for normal errors
+    biweight_deviations: float = 4.685
+    choosing_share: float = 0.9  #: share of the samples that chooses between the two starts
+    clearly_less: float = 0.9  #: what the better start must leave of the other one's residual
+    end_of_search: float = 0.95  #: share of a search range: a delay beyond is where the search ended
+    unit_tolerance: float = 0.12  #: how far a ratio may be off that of a unit
+    far_unit_tolerance: float = 0.4  #: the same for a far unit: noise may make up a part of the size
+    far_unit: float = 20.0  #: factor from which no other unit is near
+    spike_sizes: float = 4.0  #: samples beyond so many sizes of three quarters of them are cut
+    other_delay_s: float = 2.0  #: s: delays that differ by more are different ones
+    compared_block_s: float = 10.0  #: s, blocks of motion in which two delays are compared
+    clearly_better: float = 2.5  #: deviations by which a delay must follow better than any other
+    other_unit: float = 1.25  #: ratios closer to one than this factor are not those of another unit
+
+
+SETTINGS = AxesSettings()
+
 
 LEAST_MOTION: Mapping[str, float] = {"rates": 0.1 * DEGREE, "velocity": 0.005}
 """Root mean square of an axis's own motion, rad/s and m/s, from which a sensor's channel is judged by it: the
@@ -41,45 +79,6 @@ _MOST_MOTION: Mapping[str, float] = {"rates": 20.0, "velocity": 20.0}
 
 _PRESSURES = {"hPa or mbar": 1e2, "kPa": 1e3, "psi": 6894.76, "dbar": 1e4, "bar": 1e5, "MPa": 1e6}
 """Units of pressure by their size in Pa."""
-
-_SECOND = 0.01
-"""Of the largest axis: what two misalignments of 6 deg leak together, which no regression knows."""
-
-_REVERSED = 1.5  # factor by which a gain may be off: no sensor's scale is further off, any leak is
-
-_WEAK_REVERSED = 2.0  # the same for a proposal
-
-_EXPLAINED, _WEAK = 0.5, 0.36  # share explained by a sign that is corrected, and by one that is proposed
-
-_UNRELATED = 0.09  # share below which a channel has nothing of its axis: a correlation of 0.3
-
-_SURE = 4.0  # deviations by which a gain must differ from zero
-
-_RIVAL = 0.7  # what the reversed sign leaves of the variance over what the recorded one leaves at any delay
-
-_BLOCK_S, _MOST_BLOCKS, _FEWEST_BLOCKS = 10.0, 60, 8  # of time, that tell the deviation of a gain
-
-_HUBER, _SWEEPS = 2.5, 5  # deviations from which a sample counts linearly; rounds that settle the weights
-
-_BIWEIGHT = 4.685  # deviations from which a sample has no weight: 95 % efficient for normal errors
-
-_MOST_SAMPLES, _LESS = 0.9, 0.9  # of the samples that choose between two starts, and what one must leave
-
-_END = 0.95  # of a search range: beyond, a delay is where the search ended, not where the best one is
-
-_TOLERANCE, _WIDE, _FAR = (
-    0.12,
-    0.4,
-    20.0,
-)  # how far a ratio may be off that of a unit, and off that of a far one
-
-_SPIKE = 4.0  # times what three quarters of the samples do not reach
-
-_APART_S, _TOGETHER_S = 2.0, 10.0  # delays that are different ones; blocks of motion that are compared
-
-_CLEARLY = 2.5  # deviations by which a delay must follow better than any other
-
-_OFF = 1.25  # ratios closer to one than this are not for units
 
 
 @dataclass(frozen=True)
@@ -120,28 +119,32 @@ class Follows:
     @property
     def reversed(self) -> bool:
         """Whether the channel has the opposite sign beyond doubt, so that it may be corrected."""
-        return self._opposite(_REVERSED, _EXPLAINED)
+        return self._opposite(SETTINGS.corrected_gain, SETTINGS.corrected_share)
 
     @property
     def doubtful(self) -> bool:
         """Whether the opposite sign would explain the channel, but not beyond doubt: a proposal at most."""
-        return not self.reversed and self._opposite(_WEAK_REVERSED, _WEAK)
+        return not self.reversed and self._opposite(SETTINGS.proposed_gain, SETTINGS.proposed_share)
 
     @property
     def stands(self) -> bool:
         """Whether the channel is that of the axis, whatever its sign."""
         off = abs(self.gain)
-        return self.moves and self.share > _WEAK and 1.0 / _WEAK_REVERSED < off < _WEAK_REVERSED
+        return (
+            self.moves
+            and self.share > SETTINGS.proposed_share
+            and 1.0 / SETTINGS.proposed_gain < off < SETTINGS.proposed_gain
+        )
 
     @property
     def weak(self) -> bool:
         """Whether the axis moves and explains little of the channel."""
-        return self.moves and max(self.share, self.whole) < _WEAK
+        return self.moves and max(self.share, self.whole) < SETTINGS.proposed_share
 
     @property
     def unrelated(self) -> bool:
         """Whether the axis moves and the channel shows nothing of it."""
-        return self.moves and max(self.share, self.whole) < _UNRELATED
+        return self.moves and max(self.share, self.whole) < SETTINGS.unrelated_share
 
     def _opposite(self, factor: float, least: float) -> bool:
         if not self.moves or not self.gain < 0.0:
@@ -150,8 +153,8 @@ class Follows:
         return (
             1.0 / factor < -self.gain < factor
             and min(self.share, self.whole) > least
-            and -self.gain > _SURE * self.sd
-            and left < _RIVAL * otherwise
+            and -self.gain > SETTINGS.sure_deviations * self.sd
+            and left < SETTINGS.rival_left * otherwise
         )
 
     def __str__(self) -> str:
@@ -180,7 +183,7 @@ class Assignment:
         return tuple(
             name
             for name, axis in self.follows.items()
-            if axis.moves and axis.share < _WEAK and axis.whole < _WEAK
+            if axis.moves and axis.share < SETTINGS.proposed_share and axis.whole < SETTINGS.proposed_share
         )
 
     @property
@@ -192,13 +195,13 @@ class Assignment:
 def band(y: Array, good: Mask, grid: Grid, *, cut: bool = True) -> Array:
     """Changes of values (n, k) that are faster than slow offsets, zero where not known; `cut`: no spikes."""
     filled = np.where(good[:, None], y, np.nan_to_num(np.median(y[good], axis=0)) if good.any() else 0.0)
-    slow = _smooth(filled, max(_SLOWEST_S, 6.0 * grid.width) / grid.step)
+    slow = _smooth(filled, max(SETTINGS.slowest_change_s, 6.0 * grid.width) / grid.step)
     fast = np.where(good[:, None], filled - slow, 0.0)
     if not cut:
         return np.asarray(fast)
     # Spikes of bad samples would make up the whole correlation: beyond some deviations of the usual.
     usual = np.quantile(np.abs(fast[good]), 0.75, axis=0) if good.any() else np.zeros(y.shape[1])
-    most = np.where(usual > 0.0, _SPIKE * usual, np.inf)
+    most = np.where(usual > 0.0, SETTINGS.spike_sizes * usual, np.inf)
     return np.asarray(np.clip(fast, -most, most))
 
 
@@ -245,7 +248,7 @@ def alone(reference: Array, shown: Array, step: float, delay: float, most: float
     across = irfft(np.sum(np.conj(a) * b, axis=1), size)
     lags = np.concatenate([np.arange(reach + 1), np.arange(-reach, 0)])
     here = round(delay / step)
-    far = np.abs(lags - here) * step > _APART_S
+    far = np.abs(lags - here) * step > SETTINGS.other_delay_s
     if not far.any():
         return None
     other = int(lags[far][np.argmax(across[lags[far]])])
@@ -254,10 +257,10 @@ def alone(reference: Array, shown: Array, step: float, delay: float, most: float
         reference * (shown[np.clip(t + here, 0, n - 1)] - shown[np.clip(t + other, 0, n - 1)]), axis=1
     )
     inside = (t + min(here, other) >= 0) & (t + max(here, other) < n)
-    blocks = (t[inside] * step / max(_TOGETHER_S, n * step / 60.0)).astype(int)
+    blocks = (t[inside] * step / max(SETTINGS.compared_block_s, n * step / 60.0)).astype(int)
     sums = np.bincount(blocks, gain[inside])
     sums = sums[np.bincount(blocks) > 0]
-    certain = len(sums) > 2 and sums.mean() > _CLEARLY * sums.std(ddof=1) / np.sqrt(len(sums))
+    certain = len(sums) > 2 and sums.mean() > SETTINGS.clearly_better * sums.std(ddof=1) / np.sqrt(len(sums))
     return None if certain else float(other * step)
 
 
@@ -269,7 +272,7 @@ def at_end(delay: float, most: float, step: float) -> bool:
     >>> at_end(0.99, 1.0, 0.05), at_end(0.3, 1.0, 0.05)
     (True, False)
     """
-    return bool(abs(delay) > min(_END * most, most - step))
+    return bool(abs(delay) > min(SETTINGS.end_of_search * most, most - step))
 
 
 def shifted(delay: float, step: float, n: int) -> tuple[slice, slice]:
@@ -288,7 +291,7 @@ def follows(
     """
     # Of what is parallel to the other axes to rounding, nothing is left: columns in units of their size.
     size = np.sqrt(np.mean(motion[good] ** 2, axis=0)) if good.any() else np.zeros(motion.shape[1])
-    least = max(LEAST_MOTION[kind], _SECOND * float(size.max(initial=0.0)))
+    least = max(LEAST_MOTION[kind], SETTINGS.leaked_share * float(size.max(initial=0.0)))
     nothing = Follows(np.nan, np.inf, 0.0, 0.0, 0.0, least, lag)
     if not size[k] > least or good.sum() < 2 * motion.shape[1] + 2:
         return nothing
@@ -310,7 +313,7 @@ def follows(
     gain = sign * np.sqrt(shows / energy)
     where = np.flatnonzero(good) * step
     span = max(float(where[-1] - where[0]), step)
-    length = min(max(_BLOCK_S, span / _MOST_BLOCKS), span / _FEWEST_BLOCKS)
+    length = min(max(SETTINGS.block_s, span / SETTINGS.most_blocks), span / SETTINGS.fewest_blocks)
     block = ((where - where[0]) / length).astype(int)
     sums = [np.bincount(block, part) for part in (products, squares)]
     here = np.bincount(block) > 0
@@ -332,21 +335,21 @@ def _believed(x: Array, y: Array) -> Array:
     """
     usual = np.quantile(np.abs(np.column_stack([x, y])), 0.75, axis=0)
     small = np.logical_and.reduce(
-        np.abs(np.column_stack([x, y])) <= np.where(usual > 0.0, _SPIKE * usual, np.inf), axis=1
+        np.abs(np.column_stack([x, y])) <= np.where(usual > 0.0, SETTINGS.spike_sizes * usual, np.inf), axis=1
     )
     best: tuple[float, Array] | None = None
     for start in (np.ones(len(y)), small.astype(float)):
         weight = start
-        for sweep in range(2 * _SWEEPS):
+        for sweep in range(2 * SETTINGS.reweightings):
             root = np.sqrt(weight)[:, None]
             left = np.abs(y - x @ np.linalg.lstsq(x * root, y * root[:, 0], rcond=None)[0])
             scale = 1.4826 * float(np.median(left)) + 1e-12
-            if sweep < _SWEEPS:
-                weight = start / np.maximum(left / (_HUBER * scale), 1.0)
+            if sweep < SETTINGS.reweightings:
+                weight = start / np.maximum(left / (SETTINGS.huber_deviations * scale), 1.0)
             else:
-                weight = np.maximum(1.0 - (left / (_BIWEIGHT * scale)) ** 2, 0.0) ** 2
-        most = float(np.mean(left[left <= np.quantile(left, _MOST_SAMPLES)]))
-        if best is None or most < _LESS * best[0]:
+                weight = np.maximum(1.0 - (left / (SETTINGS.biweight_deviations * scale)) ** 2, 0.0) ** 2
+        most = float(np.mean(left[left <= np.quantile(left, SETTINGS.choosing_share)]))
+        if best is None or most < SETTINGS.clearly_less * best[0]:
             best = most, weight
     assert best is not None
     return best[1]
@@ -373,7 +376,7 @@ def assigned(
     """
     a, b = band(reference, good, grid), band(shown, good, grid)
     delay, rho = lagged(a, b, grid.step, most)
-    excited = np.abs(rho).max(axis=1) > _FITS
+    excited = np.abs(rho).max(axis=1) > SETTINGS.believed_correlation
     if not excited.any():
         return None
     whole = reference if beside is None else np.concatenate([reference, beside], axis=1)
@@ -404,7 +407,7 @@ def assigned(
         and (exchanged or axis.reversed or axis.doubtful)
         for k in moved
     )
-    if not (believed and max(fails) < min(_FAILS, min(fits) - 0.5)):
+    if not (believed and max(fails) < min(SETTINGS.refuted_correlation, min(fits) - 0.5)):
         order, signs = tuple(places), (1.0,) * len(names)
         given = [judged(k, k, factor) for k in places]
     # What does not move keeps its sign, and its place unless another channel took it.
@@ -412,7 +415,9 @@ def assigned(
         name: (names[order[k]], float(signs[k]) if given[k].moves else 1.0) for k, name in enumerate(names)
     }
     correlation = {name: float(axes[name][1] * rho[k, order[k]]) for k, name in enumerate(names)}
-    sure = [k for k, name in enumerate(names) if excited[k] and correlation[name] > _FITS]
+    sure = [
+        k for k, name in enumerate(names) if excited[k] and correlation[name] > SETTINGS.believed_correlation
+    ]
     return Assignment(
         delay,
         axes,
@@ -466,11 +471,13 @@ def unit_of(ratio: float, kind: str) -> tuple[str, float] | None:
     >>> unit_of(985.0, "velocity"), unit_of(1.1, "velocity")
     (('mm/s', 0.001), None)
     """
-    if not ratio > 0.0 or 1.0 / _OFF < ratio < _OFF:
+    if not ratio > 0.0 or 1.0 / SETTINGS.other_unit < ratio < SETTINGS.other_unit:
         return None
     for name, x in UNITS[kind].items():
-        far = x < 1.0 / _FAR or x > _FAR  # no other unit is near: noise may make up a part of the size
-        if abs(ratio * x - 1.0) < (_WIDE if far else _TOLERANCE):
+        far = (
+            x < 1.0 / SETTINGS.far_unit or x > SETTINGS.far_unit
+        )  # no other unit is near: noise may make up a part of the size
+        if abs(ratio * x - 1.0) < (SETTINGS.far_unit_tolerance if far else SETTINGS.unit_tolerance):
             return name, x
     return None
 
@@ -499,4 +506,4 @@ def pressure_of(ratio: float) -> str | None:
     'bar'
     """
     name, size = min(_PRESSURES.items(), key=lambda entry: abs(np.log(max(ratio, 1e-300) / entry[1])))
-    return name if abs(ratio / size - 1.0) < _WIDE else None
+    return name if abs(ratio / size - 1.0) < SETTINGS.far_unit_tolerance else None

@@ -19,29 +19,32 @@ import numpy as np
 from seatrial.base.arrays import Array, Mask
 from seatrial.trial.kinematics import Grid
 
-_ORDER = 6  # of the autoregression that takes out the residual's memory
 
-_HUBER = 2.5  # standard deviations from which a sample counts linearly
+@dataclass(frozen=True)
+class KinematicFitSettings:
+    """How the kinematic relations are fitted, and from when a parameter is believed."""
 
-_CERTAIN = 5.0  # deviations from which a parameter is believed
+    memory_order: int = 6  #: order of the autoregression that takes out the residual's memory
+    huber_deviations: float = 2.5  #: standard deviations from which a sample counts linearly
+    certain_deviations: float = 5.0  #: deviations from which a parameter is believed
+    block_s: float = 20.0  #: s, blocks of time that tell deviations
+    most_blocks: int = 60  #: longer records have longer blocks
+    fewest_blocks: int = 8  #: shorter records have shorter blocks
+    most_rounds: int = 20  #: of the descent, which ends by itself where nothing moves
+    most_steps_a_round: float = 5.0  #: steps of a shift's difference quotient in one round
+    most_steps: float = 100.0  #: the same in all rounds together
+    clearly_better: float = 0.97  #: residual of another start over that of the likelier one
+    least_information: float = 1e-3  #: of the largest eigenvalue of the scaled information
+    drawn_places: int = 9  #: each way, at which the cost of a parameter is told
+    drawn_reach: float = 1.5  #: largest distance of a drawn place, in the parameter's unit
+    draws: int = 60  #: of the parameters whose blocks are drawn
+    #: noise of the attitude and the low-pass take away so much of a factor
+    least_factor_deviation: float = 1e-3
+    least_widths: float = 50.0  #: widths of the low-pass: a shorter record cannot be compared
+    unresolved: float = 1e-9  #: m/s, rad/s or m/s^2: what no instrument resolves
 
-_BLOCK_S, _MOST_BLOCKS, _FEWEST_BLOCKS = 20.0, 60, 8  # blocks of time, and how many of them
 
-_ROUNDS = 20  # of the descent, which ends by itself where nothing moves
-
-_FURTHEST, _FARTHEST = 5.0, 100.0  # steps of a shift's difference quotient in one round, and in all
-
-_BETTER = 0.97  # residual of another start over that of the likelier one
-
-_LEAST_SHARE = 1e-3  # of the largest eigenvalue of the scaled information
-
-_PLACES, _REACH, _DRAWS = 9, 1.5, 60  # of a parameter whose blocks are drawn: each way, at most, times
-
-_LEAST_FACTOR = 1e-3  # deviation of a factor: noise of the attitude and the low-pass take away so much
-
-_LEAST_WIDTHS = 50.0  # of the low-pass: less cannot be compared
-
-_ROUNDING = 1e-9  # m/s, rad/s or m/s^2: what no instrument resolves
+SETTINGS = KinematicFitSettings()
 
 
 @dataclass(frozen=True)
@@ -125,14 +128,14 @@ def fitted(
     active = [parameter for parameter in parameters if parameter.always]
     candidates = [parameter for parameter in parameters if not parameter.always]
     y, good = residual(values)
-    if good.sum() * grid.step < _LEAST_WIDTHS * grid.width:
+    if good.sum() * grid.step < SETTINGS.least_widths * grid.width:
         return None
     before = robust_rms(y[good])
     problem = _Problem(residual, grid)
     begun = [problem.descend(values | dict(start), active) for start in starts]
     values = begun[0]
     for other in begun[1:]:
-        if robust_rms(_used(residual(other))) < _BETTER * robust_rms(_used(residual(values))):
+        if robust_rms(_used(residual(other))) < SETTINGS.clearly_better * robust_rms(_used(residual(values))):
             values = other
     while candidates:
         chosen = _next(problem, bare, values, active, candidates)
@@ -179,7 +182,7 @@ def _tells(residual: Residual, values: Mapping[str, float], parameter: Parameter
         residual(values),
         residual({**values, parameter.name: values[parameter.name] + parameter.step}),
     )
-    return bool(np.abs(there - y)[good & also].max(initial=0.0) > _ROUNDING)
+    return bool(np.abs(there - y)[good & also].max(initial=0.0) > SETTINGS.unresolved)
 
 
 def _without_nuisances(residual: Residual, parameters: Sequence[Parameter]) -> Residual:
@@ -196,7 +199,7 @@ def robust_rms(y: Array) -> float:
     """Root mean square of residuals (m, k), all in one sum, outliers beyond five deviations cut."""
     if not len(y):
         return 0.0
-    scale = 1.4826 * np.median(np.abs(y), axis=0) + _ROUNDING
+    scale = 1.4826 * np.median(np.abs(y), axis=0) + SETTINGS.unresolved
     return float(np.sqrt(np.mean(np.sum(np.clip(y, -5.0 * scale, 5.0 * scale) ** 2, axis=1))))
 
 
@@ -209,7 +212,7 @@ def _counts(
 ) -> bool:
     """Whether a fitted parameter is certain, not small, and reduces the residual's `size`."""
     value = abs(values[parameter.name])
-    if value < max(_CERTAIN * sd[parameter.name], parameter.least):
+    if value < max(SETTINGS.certain_deviations * sd[parameter.name], parameter.least):
         return False
     return size < robust_rms(_used(residual({**values, parameter.name: 0.0}))) * (1.0 - parameter.material)
 
@@ -228,7 +231,7 @@ def _next(
     for k, parameter in enumerate(candidates):
         columns = [*range(len(active)), len(active) + k]
         value, sd, gain = linear.solve(columns)
-        if abs(value) > max(_CERTAIN * sd, parameter.least):
+        if abs(value) > max(SETTINGS.certain_deviations * sd, parameter.least):
             gains.append((gain, parameter, columns))
     for _, parameter, columns in sorted(gains, key=lambda entry: -entry[0]):
         change = dict(zip((p.name for p in (*active, parameter)), linear.step(columns), strict=True))
@@ -265,12 +268,12 @@ class _Linear:
         index = np.asarray(columns)
         information = 1.0 / self.prior[index] ** 2
         hessian = self.hessian[np.ix_(index, index)]
-        size = np.sqrt(np.diag(self.products)[index]) + _ROUNDING
+        size = np.sqrt(np.diag(self.products)[index]) + SETTINGS.unresolved
         # Where noise hides the motion the curvature vanishes: the deviation is then large, not imaginary.
         values, vectors = np.linalg.eigh(hessian / np.outer(size, size))
-        if convex and values.min(initial=1.0) < _LEAST_SHARE:  # a step from there leads uphill
+        if convex and values.min(initial=1.0) < SETTINGS.least_information:  # a step from there leads uphill
             values, vectors = np.linalg.eigh(self.products[np.ix_(index, index)] / np.outer(size, size))
-        least = _LEAST_SHARE * max(float(values.max(initial=0.0)), _LEAST_SHARE)
+        least = SETTINGS.least_information * max(float(values.max(initial=0.0)), SETTINGS.least_information)
         hessian = (vectors * np.maximum(values, least)) @ vectors.T * np.outer(size, size)
         hessian = hessian + np.diag(information)
         return hessian, self.gradient[index] + information * self.at[index]
@@ -365,7 +368,7 @@ class _Problem:
         from scipy.signal import lfilter
 
         centre = np.where(good, y - np.median(y[good]), 0.0)
-        scale = 1.4826 * float(np.median(np.abs(centre[good]))) + _ROUNDING
+        scale = 1.4826 * float(np.median(np.abs(centre[good]))) + SETTINGS.unresolved
         taps = _whitener(np.clip(centre, -4.0 * scale, 4.0 * scale), good)
         y = lfilter(taps, 1.0, np.where(good, y, 0.0))
         columns = lfilter(taps, 1.0, np.where(good[:, None], columns, 0.0), axis=0)
@@ -375,9 +378,9 @@ class _Problem:
         if not use.any():
             use = good
         y, columns = y[use], columns[use]
-        scale = 1.4826 * float(np.median(np.abs(y - np.median(y)))) + _ROUNDING
+        scale = 1.4826 * float(np.median(np.abs(y - np.median(y)))) + SETTINGS.unresolved
         y, columns = y / scale, columns / scale
-        weight = 1.0 / np.maximum(np.abs(y) / _HUBER, 1.0)
+        weight = 1.0 / np.maximum(np.abs(y) / SETTINGS.huber_deviations, 1.0)
         return y, columns, weight, _blocks(t)[use]
 
     def descend(self, values: dict[str, float], active: Sequence[Parameter]) -> dict[str, float]:
@@ -386,15 +389,16 @@ class _Problem:
         if not active:
             return values
         columns, begin = range(len(active)), dict(values)
-        for _ in range(_ROUNDS):
+        for _ in range(SETTINGS.most_rounds):
             linear = self.linear(values, active)
             # A shift goes no further at once than the low-pass lets see, and never far from its start.
             most = np.array([
-                _FURTHEST * parameter.step if parameter.shift else np.inf for parameter in active
+                SETTINGS.most_steps_a_round * parameter.step if parameter.shift else np.inf
+                for parameter in active
             ])
             change = np.clip(linear.step(columns), -most, most)
             for parameter, x in zip(active, change, strict=True):
-                away = np.inf if not parameter.shift else _FARTHEST * parameter.step
+                away = np.inf if not parameter.shift else SETTINGS.most_steps * parameter.step
                 values[parameter.name] = float(
                     np.clip(
                         values[parameter.name] + x, begin[parameter.name] - away, begin[parameter.name] + away
@@ -436,17 +440,17 @@ class _Problem:
         The cost is that of the residual without its memory, or of the residual itself, whichever tells more:
         noise of a sensor is no memory, and taking it out would weigh what the motion does not have.
         """
-        reach = float(np.clip(5.0 * sd, 4.0 * parameter.step, _REACH))
-        places = values[parameter.name] + np.linspace(-reach, reach, 2 * _PLACES + 1)
+        reach = float(np.clip(5.0 * sd, 4.0 * parameter.step, SETTINGS.drawn_reach))
+        places = values[parameter.name] + np.linspace(-reach, reach, 2 * SETTINGS.drawn_places + 1)
         shifted = [self.residual({**values, parameter.name: float(place)}) for place in places]
         thin = slice(None, None, self.stride)
         good = np.logical_and.reduce([known for _, known in shifted])[thin]
         y = np.stack([each[thin] for each, _ in shifted])  # (places, n, k)
-        if good.sum() < _FEWEST_BLOCKS:
+        if good.sum() < SETTINGS.fewest_blocks:
             return values[parameter.name], sd
         blocks = _blocks(self.grid.t[thin])
         count = int(blocks.max()) + 1
-        draws = np.random.default_rng(1).multinomial(count, np.full(count, 1.0 / count), size=_DRAWS)
+        draws = np.random.default_rng(1).multinomial(count, np.full(count, 1.0 / count), size=SETTINGS.draws)
         # Of few blocks a normal deviation is too narrow: as Student's with one degree less.
         wider = np.sqrt(count / (count - 1.0)) * (1.0 + 1.0 / count)
         results = []
@@ -460,7 +464,7 @@ class _Problem:
                 # reference's noise by nothing: uniform between the two.
                 size = max(sum(slope for _, _, slope in parts) / (2.0 * reach) ** 2, 1e-300)
                 share = sum(left for _, left, _ in parts) / size / np.sqrt(3.0)
-                own = float(np.sqrt(own**2 + share**2 + _LEAST_FACTOR**2))
+                own = float(np.sqrt(own**2 + share**2 + SETTINGS.least_factor_deviation**2))
             results.append((own, _lowest(places, cost.sum(axis=1))))
         (own, value), (_, other) = sorted(results)
         # What depends on the choice is uncertain; a factor without its slow part is known not to hold.
@@ -477,22 +481,26 @@ class _Problem:
         middle = y[len(y) // 2]
         taps = np.array([1.0])
         if whiten:
-            scale = 1.4826 * float(np.median(np.abs(middle[good]))) + _ROUNDING
+            scale = 1.4826 * float(np.median(np.abs(middle[good]))) + SETTINGS.unresolved
             taps = _whitener(np.clip(middle, -4.0 * scale, 4.0 * scale), good)
         width = len(taps)
         whole = minimum_filter1d(good.astype(np.uint8), width, mode="constant", origin=(width - 1) // 2)
         use = whole.astype(bool) if whole.any() else good
         y = np.asarray(lfilter(taps, 1.0, y, axis=1))[:, use]
         squares = float(np.sum(y[len(y) // 2] ** 2)), float(np.sum((y[-1] - y[0]) ** 2))
-        size = np.abs(y) / (1.4826 * float(np.median(np.abs(y[len(y) // 2]))) + _ROUNDING)
-        cost = np.where(size < _HUBER, 0.5 * size**2, _HUBER * (size - 0.5 * _HUBER))
+        size = np.abs(y) / (1.4826 * float(np.median(np.abs(y[len(y) // 2]))) + SETTINGS.unresolved)
+        cost = np.where(
+            size < SETTINGS.huber_deviations,
+            0.5 * size**2,
+            SETTINGS.huber_deviations * (size - 0.5 * SETTINGS.huber_deviations),
+        )
         return np.stack([np.bincount(blocks[use], row, count) for row in cost]), *squares
 
 
 def _blocks(t: Array) -> Array:
     """Label of each time's block, (n,): parts that have little to do with each other."""
     span = t[-1] - t[0]
-    length = min(max(_BLOCK_S, span / _MOST_BLOCKS), span / _FEWEST_BLOCKS)
+    length = min(max(SETTINGS.block_s, span / SETTINGS.most_blocks), span / SETTINGS.fewest_blocks)
     return np.asarray(np.minimum(((t - t[0]) / length).astype(int), int(span / length)))
 
 
@@ -509,7 +517,7 @@ def _whitener(y: Array, good: Mask) -> Array:
     from scipy.linalg import solve_toeplitz
 
     count = max(int(good.sum()), 1)
-    covariances = np.array([float(y[: len(y) - k] @ y[k:]) / count for k in range(_ORDER + 1)])
+    covariances = np.array([float(y[: len(y) - k] @ y[k:]) / count for k in range(SETTINGS.memory_order + 1)])
     if not covariances[0] > 0.0:
         return np.array([1.0])
     covariances[0] *= 1.0 + 1e-4

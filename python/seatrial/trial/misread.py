@@ -62,26 +62,45 @@ _RATIOS: dict[str, dict[float, tuple[str, str]]] = {
 }
 """By sensor the ratios of units, with the unit before and after a jump upwards."""
 
-_LARGE = 10.0  # ratios from here on show in the scale alone
 
-_LONG, _SHORT, _FEWEST = 200, 12, 30  # samples on either side that tell a scale, and the least of them
+@dataclass(frozen=True)
+class MisreadSettings:
+    """Signs of a unit that changes within a channel, and of numbers that stand for no sample."""
 
-_LEVEL = 0.03  # relative error of a ratio of levels
+    scale_alone_ratio: float = 10.0  #: ratios of units from here on show in the scale alone
+    scale_samples: int = 200  #: samples on either side that tell a scale
+    scale_samples_near: int = 12  #: samples on either side that tell a scale close to the change
+    fewest_scale_samples: int = 30  #: fewer tell no scale over the long reach
+    level_error: float = 0.03  #: relative error of a ratio of levels
+    #: ordinary steps by which a level must jump, and by which it must be away from zero
+    level_steps: float = 5.0
+    gap_intervals: float = 5.0  #: intervals: across a longer one a vehicle may have moved anywhere
+    together_samples: int = 5  #: samples between the changes of channels that are one
+    most_candidates: int = 40  #: places of a channel that are looked at
+    few_samples: int = 5  #: samples that tell a level, and differences that tell a scale
+    #: relative error up to which a number is the end of a type: single precision keeps it to 6e-8
+    code_rounding: float = 1e-6
+    long_code: float = 9999.0  #: from here on a code is hardly a value that a human or an autopilot commands
+    enormous: float = 1e15  #: no quantity of a vehicle is as large in any unit
+    long_code_ranges: float = 1.0  #: a long code lies outside the other samples by so many of their ranges
+    short_code_ranges: float = 3.0  #: a short code by so many
+    any_code_ranges: float = 10.0  #: any number that recurs by so many
+    fewest_times: int = 3  #: a number that recurs so often is a code without being a usual one
+    excursion_steps: float = 20.0  #: usual steps of an excursion
+    returned_share: float = 0.1  #: of an excursion: how near to the sample before it the one behind it is
+    longest_excursion: int = 5  #: samples of a lone excursion
+    #: of the samples: what is there for more than half of a record is no exception
+    largest_share: float = 0.5
+    enough_others: int = 10  #: other samples, that tell where the column lies
 
-_STEP = 5.0  # ordinary steps by which a level must jump, and from which zero is away
+
+SETTINGS = MisreadSettings()
+
 
 _SCALE, _NEAR_SCALE, _LOOSE = math.log(1.6), math.log(2.5), math.log(4.0)
 """Of the logarithm of a ratio of scales: over many samples, over few, and beside a level."""
 
 _OTHERS = math.log(3.0)  # by which the scale of another sensor may change
-
-_GAP = 5.0  # intervals: across a longer one a vehicle may have moved anywhere
-
-_TOGETHER = 5  # samples between the changes of channels that are one
-
-_MOST = 40  # candidates of a channel
-
-_FEW = 5  # samples that tell a level, and differences that tell a scale
 
 
 @dataclass(frozen=True)
@@ -102,10 +121,12 @@ class _Channel:
         """None with too few samples for a scale on either side."""
         # A slow sensor in a fast table repeats its samples: only new ones tell.
         fresh = np.concatenate([[True], np.diff(y) != 0.0])
-        if fresh.sum() < 2 * _FEWEST:
+        if fresh.sum() < 2 * SETTINGS.fewest_scale_samples:
             return None
         steps = np.diff(t)
-        gaps = np.concatenate([[0], np.cumsum(steps > _GAP * float(np.median(steps)))])[fresh]
+        gaps = np.concatenate([[0], np.cumsum(steps > SETTINGS.gap_intervals * float(np.median(steps)))])[
+            fresh
+        ]
         return cls(sensor, name, t[fresh], y[fresh], np.concatenate([[True], np.diff(gaps) == 0]))
 
     @property
@@ -117,7 +138,7 @@ class _Channel:
         """Mean logarithm of the differences of an order within the samples start to stop; NaN without any."""
         size = np.abs(np.diff(self.y[max(start, 0) : stop], order))
         moving = size > 1e-12 * float(np.abs(self.y[max(start, 0) : stop]).max(initial=0.0))
-        return float(np.log(size[moving]).mean()) if moving.sum() >= _FEW else math.nan
+        return float(np.log(size[moving]).mean()) if moving.sum() >= SETTINGS.few_samples else math.nan
 
     def growth(self, at: int, order: int, width: int) -> float:
         """Logarithm of the scale from sample `at` on over the scale before it; NaN where it is not told."""
@@ -147,7 +168,7 @@ class _Change:
 
     def near(self, t: float, interval: float) -> bool:
         """Whether a time lies within some samples of the change."""
-        return abs(self.t - t) <= _TOGETHER * max(self.interval, interval)
+        return abs(self.t - t) <= SETTINGS.together_samples * max(self.interval, interval)
 
 
 def report_unit_changes(signals: Mapping[str, Signal], time: Array, report: RecordingReport) -> None:
@@ -207,18 +228,22 @@ def _channels(signals: Mapping[str, Signal]) -> Iterator[_Channel]:
 def _candidates(channel: _Channel) -> Iterator[_Change]:
     """Changes that have the signs of one by themselves."""
     for at in sorted({*_jumps(channel), *_turns(channel)}):
-        if not _SHORT // 2 <= at <= len(channel.y) - _SHORT // 2:
+        if not SETTINGS.scale_samples_near // 2 <= at <= len(channel.y) - SETTINGS.scale_samples_near // 2:
             continue
         level = _level(channel, at) if channel.unbroken[at] else None
-        growths = [channel.growth(at, order, _LONG) for order in (1, 2, 3)]
+        growths = [channel.growth(at, order, SETTINGS.scale_samples) for order in (1, 2, 3)]
         for ratio in _RATIOS[channel.sensor]:
             for factor in (ratio, 1.0 / ratio):
                 # A scale that is not told, of a table without noise, contradicts no level.
                 apart = [abs(growth - math.log(factor)) for growth in growths]
-                if level is not None and abs(math.log(level / factor)) < _LEVEL:
-                    loose = _LOOSE if ratio >= _LARGE else _SCALE
+                if level is not None and abs(math.log(level / factor)) < SETTINGS.level_error:
+                    loose = _LOOSE if ratio >= SETTINGS.scale_alone_ratio else _SCALE
                     seen = None if any(gap > loose for gap in apart) else level
-                elif ratio >= _LARGE and all(gap < _SCALE for gap in apart) and _sharp(channel, at, factor):
+                elif (
+                    ratio >= SETTINGS.scale_alone_ratio
+                    and all(gap < _SCALE for gap in apart)
+                    and _sharp(channel, at, factor)
+                ):
                     seen = math.exp(float(np.mean(growths)))
                 else:
                     continue
@@ -233,11 +258,14 @@ def _jumps(channel: _Channel) -> list[int]:
     """Samples that are reached by a step far larger than those around them."""
     logs, total = channel.steps()
     places = np.arange(len(logs))
-    low, high = np.maximum(places - _SHORT, 0), np.minimum(places + 1 + _SHORT, len(logs))
+    low, high = (
+        np.maximum(places - SETTINGS.scale_samples_near, 0),
+        np.minimum(places + 1 + SETTINGS.scale_samples_near, len(logs)),
+    )
     before = (total[places] - total[low]) / np.maximum(places - low, 1)
     after = (total[high] - total[places + 1]) / np.maximum(high - places - 1, 1)
-    large = np.flatnonzero(logs > np.maximum(before, after) + math.log(_STEP))
-    return [int(k) + 1 for k in large[np.argsort(-logs[large])][:_MOST]]
+    large = np.flatnonzero(logs > np.maximum(before, after) + math.log(SETTINGS.level_steps))
+    return [int(k) + 1 for k in large[np.argsort(-logs[large])][: SETTINGS.most_candidates]]
 
 
 def _turns(channel: _Channel) -> list[int]:
@@ -245,16 +273,23 @@ def _turns(channel: _Channel) -> list[int]:
     _, total = channel.steps()
     last = len(channel.y) - 1
     places = np.arange(1, last)
-    low, high = np.maximum(places - _LONG, 0), np.minimum(places + _LONG, last)
+    low, high = (
+        np.maximum(places - SETTINGS.scale_samples, 0),
+        np.minimum(places + SETTINGS.scale_samples, last),
+    )
     # The step into a sample is the one between the units: it counts for neither side.
     before = (total[places - 1] - total[low]) / np.maximum(places - 1 - low, 1)
     after = (total[high] - total[places]) / np.maximum(high - places, 1)
-    score = np.where((places - low > _SHORT) & (high - places >= _SHORT), np.abs(after - before), 0.0)
+    score = np.where(
+        (places - low > SETTINGS.scale_samples_near) & (high - places >= SETTINGS.scale_samples_near),
+        np.abs(after - before),
+        0.0,
+    )
     turns: list[int] = []
-    while len(turns) < _MOST and score.max(initial=0.0) > math.log(_STEP):
+    while len(turns) < SETTINGS.most_candidates and score.max(initial=0.0) > math.log(SETTINGS.level_steps):
         at = int(score.argmax())
         turns.append(_sharpest(total, int(places[at])))
-        score[max(at - _LONG, 0) : at + _LONG] = 0.0
+        score[max(at - SETTINGS.scale_samples, 0) : at + SETTINGS.scale_samples] = 0.0
     return turns
 
 
@@ -264,8 +299,8 @@ def _sharpest(total: Array, at: int) -> int:
     ``total`` (n,): cumulated logarithms of the steps.
     """
     last = len(total) - 1
-    low, high = max(at - _LONG // 4, 2), min(at + _LONG // 4, last - 1)
-    start, stop = max(low - _LONG, 0), min(high + _LONG, last)
+    low, high = max(at - SETTINGS.scale_samples // 4, 2), min(at + SETTINGS.scale_samples // 4, last - 1)
+    start, stop = max(low - SETTINGS.scale_samples, 0), min(high + SETTINGS.scale_samples, last)
     places = np.arange(low, high)
     sums = total[places - 1] - total[start], total[stop] - total[places]
     parted = sums[0] ** 2 / np.maximum(places - 1 - start, 1) + sums[1] ** 2 / np.maximum(stop - places, 1)
@@ -274,30 +309,40 @@ def _sharpest(total: Array, at: int) -> int:
 
 def _level(channel: _Channel, at: int) -> float | None:
     """Ratio of the levels where a value away from zero jumps to a multiple; None where none does."""
-    before, after = channel.y[at - _FEW : at], channel.y[at : at + _FEW]
+    before, after = channel.y[at - SETTINGS.few_samples : at], channel.y[at : at + SETTINGS.few_samples]
     # Straight lines through the samples on both sides, met half way: a vehicle moves on meanwhile.
-    x = np.arange(_FEW)
-    left = float(np.polyval(np.polyfit(x, before, 1), _FEW - 0.5))
+    x = np.arange(SETTINGS.few_samples)
+    left = float(np.polyval(np.polyfit(x, before, 1), SETTINGS.few_samples - 0.5))
     right = float(np.polyval(np.polyfit(x, after, 1), -0.5))
     if left * right <= 0.0:
         return None
     ratio = right / left
-    scale = channel.scale(1, at - _LONG, at)
+    scale = channel.scale(1, at - SETTINGS.scale_samples, at)
     usual = math.exp(scale) if scale == scale else 0.0
-    if min(abs(float(np.median(before))), abs(float(np.median(after))) / ratio) < 4.0 * _STEP * usual:
+    if (
+        min(abs(float(np.median(before))), abs(float(np.median(after))) / ratio)
+        < 4.0 * SETTINGS.level_steps * usual
+    ):
         return None
-    return ratio if abs(channel.y[at] - channel.y[at - 1]) > _STEP * usual * max(1.0, ratio) else None
+    return (
+        ratio
+        if abs(channel.y[at] - channel.y[at - 1]) > SETTINGS.level_steps * usual * max(1.0, ratio)
+        else None
+    )
 
 
 def _sharp(channel: _Channel, at: int, factor: float) -> bool:
     """Whether few samples on both sides show the factor, too, and the value goes on without it."""
-    if min(at, len(channel.y) - at) < _FEWEST:
+    if min(at, len(channel.y) - at) < SETTINGS.fewest_scale_samples:
         return False
-    near = (channel.growth(at, order, _SHORT) for order in (1, 3))
+    near = (channel.growth(at, order, SETTINGS.scale_samples_near) for order in (1, 3))
     if not all(abs(growth - math.log(factor)) < _NEAR_SCALE for growth in near):
         return False
-    usual = math.exp(channel.scale(1, at - _LONG, at))
-    return not channel.unbroken[at] or abs(channel.y[at] / factor - channel.y[at - 1]) < 4.0 * _STEP * usual
+    usual = math.exp(channel.scale(1, at - SETTINGS.scale_samples, at))
+    return (
+        not channel.unbroken[at]
+        or abs(channel.y[at] / factor - channel.y[at - 1]) < 4.0 * SETTINGS.level_steps * usual
+    )
 
 
 def _goes_on(other: _Channel, change: _Change, changes: list[_Change]) -> bool:
@@ -309,7 +354,7 @@ def _goes_on(other: _Channel, change: _Change, changes: list[_Change]) -> bool:
         )
         if alike and another.near(change.t, change.interval):
             return True
-    growth = other.growth(int(np.searchsorted(other.t, change.t)), 3, _LONG)
+    growth = other.growth(int(np.searchsorted(other.t, change.t)), 3, SETTINGS.scale_samples)
     goal = math.log(change.ratio) * (1.0 if change.larger else -1.0)
     if growth != growth:
         return True
@@ -342,40 +387,28 @@ NO_SAMPLE_WORDS = frozenset({
 })
 """Texts in lower case that stand in a cell for no sample."""
 
-# Nines by hand, and -999.25 of well logs.
-_NINES = (99.0, 99.9, 99.99, 999.0, 999.25, 999.9, 999.99, 9999.0, 9999.25, 9999.9, 9999.99, 99999.0)
 # The largest and smallest integers of 16 to 64 bits.
 _INTEGERS = tuple(
     float(value) for bits in (16, 32, 64) for value in (2**bits - 1, 2 ** (bits - 1) - 1, 2 ** (bits - 1))
 )
+_NINES = (
+    99.0,
+    99.9,
+    99.99,
+    999.0,
+    999.25,
+    999.9,
+    999.99,
+    9999.0,
+    9999.25,
+    9999.9,
+    9999.99,
+    99999.0,
+)  # -999.25: well logs
 _CODES = np.array(sorted({*_NINES, *_INTEGERS, 99999.99, 999999.0, 9999999.0}))  # usual ones
 # The ends of an integer type, written in units of its last digit: tenths to ten thousandths, and 1e-7 deg.
 _SCALED = np.unique([value * unit for value in _INTEGERS for unit in (1e-1, 1e-2, 1e-3, 1e-4, 1e-7)])
 _SCALED = _SCALED[_SCALED > 1.0]  # smaller ones are ordinary values
-
-_EXACT = 1e-6
-"""Relative error up to which a number is the end of a type: single precision keeps it to 6e-8."""
-
-_LONG_CODE = 9999.0  # from here on a code is hardly a value that a human or an autopilot commands
-
-_ENORMOUS = (
-    1e15  # no quantity of a vehicle in any unit, but time in ns: 1e20, 1e30, the largest float, netCDF's fill
-)
-
-_OUTSIDE, _SHORT_OUTSIDE, _FAR_OUTSIDE = 1.0, 3.0, 10.0
-"""Ranges of the other samples, by which a long code, a short one and any number that recurs lie outside."""
-
-_FEWEST_TIMES = 3  # times that a number recurs by which it is a code without being a usual one
-
-_TALL = 20.0  # usual steps of an excursion
-
-_NEAR = 0.1  # of an excursion: how near to the sample before it the one behind it is
-
-_LONGEST = 5  # samples of a lone excursion
-
-_LARGEST_SHARE = 0.5  # of the samples: what is there for more than half of a record is no exception
-
-_ENOUGH = 10  # other samples, that tell where the column lies
 
 
 @dataclass(frozen=True)
@@ -405,7 +438,7 @@ def sentinels(y: Array, *, jumps: bool = False) -> list[Sentinel]:
     [(-9999.0, 3)]
     """
     known = np.isfinite(y)
-    if known.sum() < _ENOUGH:
+    if known.sum() < SETTINGS.enough_others:
         return []
     values, counts = np.unique(y[known], return_counts=True)
     wrong = _outside(values, counts, jumps=jumps)
@@ -419,7 +452,7 @@ def sentinels(y: Array, *, jumps: bool = False) -> list[Sentinel]:
         if (_is_code(np.abs([code.value]))[0] and not resting) or _brief(code.at[known])
     ]
     if not jumps:
-        codes += _excursions(np.where(rest, y, np.nan), values[(counts >= _FEWEST_TIMES) & ~wrong])
+        codes += _excursions(np.where(rest, y, np.nan), values[(counts >= SETTINGS.fewest_times) & ~wrong])
     return sorted(codes, key=lambda code: -code.count)
 
 
@@ -427,20 +460,20 @@ def _is_code(size: Array) -> Mask:
     """Which numbers without their sign (k,) are usual codes."""
     place = np.clip(np.searchsorted(_SCALED, size), 1, len(_SCALED) - 1)
     away = np.minimum(np.abs(_SCALED[place] - size), np.abs(_SCALED[place - 1] - size))
-    usual = np.isin(np.round(size, 2), np.round(_CODES, 2)) | (size > _ENORMOUS)
-    return np.asarray(usual | (away <= _EXACT * size))
+    usual = np.isin(np.round(size, 2), np.round(_CODES, 2)) | (size > SETTINGS.enormous)
+    return np.asarray(usual | (away <= SETTINGS.code_rounding * size))
 
 
 def _brief(at: Mask) -> bool:
     """Whether a value stands for few samples at a time."""
-    return float(np.mean([stop - start for start, stop in runs(at)])) <= _LONGEST / 2.0
+    return float(np.mean([stop - start for start, stop in runs(at)])) <= SETTINGS.longest_excursion / 2.0
 
 
 def _outside(values: Array, counts: NDArray[np.int_], *, jumps: bool) -> Mask:
     """Which of the distinct `values` (k,), rising, are codes that lie outside of all others."""
     size = np.abs(values)
     code = _is_code(size)
-    least = np.where(size >= _LONG_CODE, _OUTSIDE, _SHORT_OUTSIDE)
+    least = np.where(size >= SETTINGS.long_code, SETTINGS.long_code_ranges, SETTINGS.short_code_ranges)
     wrong = np.zeros(len(values), bool)
     total = float(counts.sum())
     while True:
@@ -452,13 +485,13 @@ def _outside(values: Array, counts: NDArray[np.int_], *, jumps: bool) -> Mask:
         changed = False
         for end in {int(left[0]), int(left[-1])}:
             rest = core[core != values[end]]
-            if not len(rest) or counts[wrong].sum() + counts[end] > _LARGEST_SHARE * total:
+            if not len(rest) or counts[wrong].sum() + counts[end] > SETTINGS.largest_share * total:
                 continue
             width, apart = float(np.ptp(rest)), float(np.abs(rest - values[end]).min())
             # A column that rests has no range: its own size tells the scale.
             width = width if width > 0.0 else 0.1 * abs(float(rest[0]))
-            enough = apart > (least[end] if code[end] else _FAR_OUTSIDE) * width
-            if enough and apart > 0.0 and (code[end] or (counts[end] >= _FEWEST_TIMES and not jumps)):
+            enough = apart > (least[end] if code[end] else SETTINGS.any_code_ranges) * width
+            if enough and apart > 0.0 and (code[end] or (counts[end] >= SETTINGS.fewest_times and not jumps)):
                 wrong[end] = changed = True
         if not changed:
             return wrong
@@ -477,16 +510,18 @@ def _excursions(y: Array, values: Array) -> list[Sentinel]:
     asked = values[place] == x[starts] if len(values) else np.zeros(len(starts), bool)
     starts, stops, place = starts[asked], stops[asked], place[asked]
     counts = np.bincount(place, stops - starts, len(values))
-    inside = (starts > 0) & (stops < len(x)) & (stops - starts <= _LONGEST)
+    inside = (starts > 0) & (stops < len(x)) & (stops - starts <= SETTINGS.longest_excursion)
     starts, stops, place = starts[inside], stops[inside], place[inside]
     before, after, own = x[starts - 1], x[stops], x[starts]
     tall = np.minimum(np.abs(before - own), np.abs(after - own))
-    lone = (tall > _TALL * usual) & (np.abs(after - before) < _NEAR * tall)
+    lone = (tall > SETTINGS.excursion_steps * usual) & (
+        np.abs(after - before) < SETTINGS.returned_share * tall
+    )
     # Nearly every time: a number that the column also passes through is one of its own.
     share = np.bincount(place[lone], (stops - starts)[lone], len(values)) >= 0.8 * counts
-    often = np.bincount(place[lone], minlength=len(values)) >= _FEWEST_TIMES
+    often = np.bincount(place[lone], minlength=len(values)) >= SETTINGS.fewest_times
     codes = []
-    for k in np.flatnonzero(often & share & (counts <= _LARGEST_SHARE * len(x))):
+    for k in np.flatnonzero(often & share & (counts <= SETTINGS.largest_share * len(x))):
         samples = np.zeros(len(y), bool)
         for run in np.flatnonzero(lone & (place == k)):
             samples[index[starts[run] : stops[run]]] = True

@@ -233,11 +233,6 @@ class Mixer:
             What to call the log in messages.
         given
             Column map, which may not give the same columns.
-
-        Raises
-        ------
-        TrialError
-            The mixer contradicts itself, a stick is not in the log, or a column is given twice.
         """
         import polars as pl
 

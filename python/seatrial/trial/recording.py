@@ -68,13 +68,7 @@ class RawTable(NamedTuple):
     twice: Mapping[str, tuple[int, ...]] = {}
 
     def refuse_twice(self, used: Iterable[str]) -> None:
-        """Refuse a column that is used and shares its name with another one.
-
-        Raises
-        ------
-        TrialError
-            With the places of both.
-        """
+        """Refuse a column that is used and shares its name with another one."""
         from seatrial.logs.delimited import shared_name
 
         for name in used:
@@ -97,11 +91,6 @@ def read_table(source: Any, reader: str | Reader | None = None, columns: Iterabl
         omitted.
     columns
         Columns that will be used: of a log with topics no others are read.
-
-    Raises
-    ------
-    TrialError
-        If there is no such file, no reader for it, or it cannot be read as what it says it is.
     """
     if isinstance(source, RawTable):
         return source
@@ -145,13 +134,7 @@ def _name_of(path: Path, reader: str | None) -> str:
 
 
 def _read_frame(source: Any) -> pl.DataFrame:
-    """Table of a frame; a pandas index that has a name becomes a column.
-
-    Raises
-    ------
-    TrialError
-        If the object is no frame.
-    """
+    """Table of a frame; a pandas index that has a name becomes a column."""
     import polars as pl
 
     if isinstance(source, pl.DataFrame):
@@ -205,11 +188,6 @@ def _cells_of_csv(path: Path, layout: Layout | None) -> pl.DataFrame:
 
     Columns whose first rows are numbers are read as numbers, which takes a quarter of the memory of text.
     Where a later cell is none, every cell is read as text, so that the column map can name its row and value.
-
-    Raises
-    ------
-    TrialError
-        If the file is no text, has no header or a row has more cells than the header.
     """
     import polars as pl
 
@@ -291,11 +269,6 @@ def _read_log(path: Path, reader: str, columns: Sequence[str]) -> pl.DataFrame:
     """Table of a log's fields ``topic.field``.
 
     ``topic.field/other`` is divided by another field of the topic, as an increment is by its time.
-
-    Raises
-    ------
-    TrialError
-        If the log cannot be read or has no such field.
     """
     from seatrial.logs.join import join
 
@@ -333,13 +306,7 @@ def _example(log: Log) -> str:
 
 
 def _read_parquet(path: Path) -> pl.DataFrame:
-    """Table with the file's own column names.
-
-    Raises
-    ------
-    TrialError
-        If the file is no Parquet file.
-    """
+    """Table with the file's own column names."""
     import polars as pl
 
     from seatrial.base.budget import claim
@@ -399,11 +366,6 @@ def recording(
 ) -> Recording:
     """Signals of a log or table; the parameters are those of `seatrial.trial.trial.Trial.read`, and
     ``begin`` is called with the name of each step before it.
-
-    Raises
-    ------
-    TrialError
-        If the recording, its column map or its corrections cannot be used.
     """
     begin("table")
     sticks = [] if mixer is None else mixer.columns

@@ -1,10 +1,10 @@
 """One uniform time base: channels linearly between neighbours, means of commands, gaps left open.
 
-A point of the base is valid where both neighbouring samples are good and no further apart than `GAP` times
-the sensor's own usual interval; elsewhere the value is a fill that no criterion may use. A command is held
-until the next one, unless a stream of a fixed rate falls silent: then it is unknown (`silences`). Stamps that
-came in bursts are spread first, and irregular ones get a base that is fine enough for all of them
-(`seatrial.logs.clock`).
+A point of the base is valid where both neighbouring samples are good and no further apart than
+`gap_intervals` times the sensor's own usual interval; elsewhere the value is a fill that no criterion may
+use. A command is held until the next one, unless a stream of a fixed rate falls silent: then it is unknown
+(`silences`). Stamps that came in bursts are spread first, and irregular ones get a base that is fine enough
+for all of them (`seatrial.logs.clock`).
 
 In a log of several rates a row has cells of the sensors that sampled then and empty cells elsewhere. A depth
 that comes at other times than north and east is another sensor's: a signal of its own. Other components that
@@ -12,15 +12,15 @@ come apart (a compass beside roll and pitch, a yaw gyro of its own rate) are bro
 with the most samples, linearly between their own neighbours and nowhere else. Held by
 ``tests/trial/test_several_rates.py`` and ``test_time_base.py``.
 
-Between the samples of a slow sensor the time base holds straight lines, which no vehicle follows. What is
-to be judged on samples alone takes them at the stamps of their own sensors (`own_samples`; held by
+Between the samples of a slow sensor the time base holds straight lines, which no vehicle follows. What is to
+be judged on samples alone takes them at the stamps of their own sensors (`own_samples`; held by
 ``tests/scoring/test_predictions.py``).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -32,23 +32,37 @@ from seatrial.base.frames import continuous, to_euler
 from seatrial.logs.clock import Spread, base_step, spread_bursts, usual_interval
 from seatrial.trial.signals import RecordingReport, Signal
 
-GAP = 1.9
-"""Longest distance between neighbours that is no gap, in usual intervals: one lost sample is a gap."""
 
-_TICK = 1e-6  # two times closer than this share of an interval are the same
+@dataclass(frozen=True)
+class ResamplingSettings:
+    """How the time base is chosen, what is a gap, and when a stream of commands is silent."""
 
-_MOST, _SPARSE = 1_000_000, 4
-"""A time base has at most so many samples, or so many per row of the recording, whichever is more."""
+    #: usual intervals between neighbours from which there is a gap: one lost sample is one
+    gap_intervals: float = 1.9
+    equal_share: float = 1e-6  #: of an interval: times that are closer are the same
+    #: of a time base, or `most_per_row` per row of the recording, whichever is more
+    most_samples: int = 1_000_000
+    most_per_row: int = 4  #: samples per row of the recording
+    silent_s: float = 2.0  #: s: a stream of a fixed rate is not silent for longer
+    silent_intervals: float = 10.0  #: nor for more usual intervals
+    regular_share: float = 0.98  #: of a stream's intervals that are usual ones if its rate is fixed
+    regular_spread: float = 2.5  #: factor by which usual intervals may differ
+    fewest_commands: int = 100  #: samples that show a fixed rate
+    shortest_commands_s: float = 20.0  #: s with samples that show a fixed rate
+    most_silences: int = 3  #: a stream with more silences that never repeats a row may log changes only
+    #: of the samples of the busiest component: below, the components come from several sensors
+    shared_share: float = 0.5
+    row_share: float = 0.9  #: of the rows: a sensor with samples in so many makes the rows a time base
+    uneven_ratio: float = 1.5  #: of the usual intervals to the base's, above which the base is worth a word
+    fewest_samples: int = 10  #: of a sensor that may set the time base
+    motion_blocks: int = 200  #: parts of a record whose motion is compared
+
+
+RESAMPLING_SETTINGS = ResamplingSettings()
 
 
 def uniform(t: Array, rate_hz: float | None, file: str = "recording") -> Array:
-    """Uniform times in s from the first sample on, shape (n,), at `rate_hz` or the rate that suits `t`.
-
-    Raises
-    ------
-    TrialError
-        They are so many more than the rows that the recording has gaps or another unit of time.
-    """
+    """Uniform times in s from the first sample on, shape (n,), at `rate_hz` or the rate that suits `t`."""
     usual = float(np.median(np.diff(t)))
     step = 1.0 / rate_hz if rate_hz else base_step(t)
     if not rate_hz and step == usual:
@@ -56,7 +70,7 @@ def uniform(t: Array, rate_hz: float | None, file: str = "recording") -> Array:
         mean = (t[-1] - t[0]) / (len(t) - 1)
         step = mean if abs(mean - step) * len(t) < 0.1 * step else step
     count = int(np.floor((t[-1] - t[0]) / step + 1e-3)) + 1
-    if count > max(_MOST, _SPARSE * len(t)):
+    if count > max(RESAMPLING_SETTINGS.most_samples, RESAMPLING_SETTINGS.most_per_row * len(t)):
         row = int(np.argmax(np.diff(t)))
         raise TrialError(
             f"{file}: t_s: a base of {1.0 / step:.4g} Hz over {t[-1] - t[0]:.4g} s would have {count:.3g}"
@@ -78,7 +92,7 @@ def held(signal: Signal, t: Array) -> Array:
     # Stamps that are those of the base but for rounding are the base's; seconds since 1970 are coarse.
     places = (signal.t - t[0]) / step
     whole = np.round(places)
-    tick = max(_TICK, 4.0 * float(np.spacing(abs(t[-1]))) / step)
+    tick = max(RESAMPLING_SETTINGS.equal_share, 4.0 * float(np.spacing(abs(t[-1]))) / step)
     places = np.where(np.abs(places - whole) <= tick, whole, places)
     begins = np.arange(len(t), dtype=float)
     before = np.maximum(np.searchsorted(places, begins, side="right") - 1, 0)
@@ -95,34 +109,30 @@ def held(signal: Signal, t: Array) -> Array:
     return result
 
 
-_SILENT_S, _SILENT = 2.0, 10.0  # s, usual intervals: a stream of a fixed rate is not silent for longer
-
-_RATE, _SPREAD = 0.98, 2.5  # share of the intervals that are usual ones, and by how much these may differ
-
-_FEWEST_COMMANDS, _SHORTEST_S = 100, 20.0  # samples, and s with samples, that show a fixed rate
-
-_FEW = 3  # silences: a stream with more of them that never repeats a row may log changes only
-
-
 def silences(t: Array, y: Array, base: Array) -> list[tuple[float, float]]:
     """Spans (start, end) in s of the time base `base` (n,), s, in which a stream of commands is unknown.
 
     A stream (m, k) with stamps `t` (m,), s, of a fixed rate that falls silent is unknown there; one that is
     logged when it changes, or now and then, holds until the next sample.
     """
-    if len(t) < _FEWEST_COMMANDS:
+    if len(t) < RESAMPLING_SETTINGS.fewest_commands:
         return []
     intervals = np.diff(t)
     usual = float(np.median(intervals))
-    limit = max(_SILENT_S, _SILENT * usual)
+    limit = max(RESAMPLING_SETTINGS.silent_s, RESAMPLING_SETTINGS.silent_intervals * usual)
     long = intervals > limit
-    steady = (intervals < _SPREAD * usual) & (intervals > usual / _SPREAD)
-    if steady.mean() < _RATE or float(intervals[~long].sum()) < _SHORTEST_S:
+    steady = (intervals < RESAMPLING_SETTINGS.regular_spread * usual) & (
+        intervals > usual / RESAMPLING_SETTINGS.regular_spread
+    )
+    if (
+        steady.mean() < RESAMPLING_SETTINGS.regular_share
+        or float(intervals[~long].sum()) < RESAMPLING_SETTINGS.shortest_commands_s
+    ):
         return []
     # Rows that go on while all commands rest: the log has every sample, not every change.
     rests = runs(np.logical_and.reduce(y[1:] == y[:-1], axis=1) & ~long)
     resting = any(t[stop] - t[start] > limit for start, stop in rests)
-    if long.sum() > _FEW and not resting:
+    if long.sum() > RESAMPLING_SETTINGS.most_silences and not resting:
         return []
     edges = [float(base[0]), *t.tolist(), float(base[-1])]
     return [(start, end) for start, end in pairwise(edges) if end - start > limit]
@@ -173,21 +183,13 @@ def between(times: Array, y: Array, bad: Mask, t: Array, step: float) -> tuple[A
     if not good.any():
         return np.zeros(len(t)), np.zeros(len(t), bool)
     last = len(times) - 1
-    tick = _TICK * step
+    tick = RESAMPLING_SETTINGS.equal_share * step
     before = np.clip(np.searchsorted(times, t + tick, side="right") - 1, 0, last)
     after = np.clip(np.searchsorted(times, t - tick, side="left"), 0, last)
     inside = (t >= times[0] - tick) & (t <= times[-1] + tick)
-    near = times[after] - times[before] <= GAP * step
+    near = times[after] - times[before] <= RESAMPLING_SETTINGS.gap_intervals * step
     return np.interp(t, times[good], y[good]), inside & near & good[before] & good[after]
 
-
-_SHARED = 0.5  # of the samples of the busiest component: below, the components come from several sensors
-
-_WHOLE = 0.9  # of the rows: a sensor with samples in these makes the rows a time base
-
-_UNEVEN = 1.5  # ratio of the usual intervals to the base's above which the base is worth a word
-
-_FEWEST = 10  # samples of a sensor that may set the time base
 
 _MOVING = ("rates", "attitude", "velocity", "position", "depth", "water velocity")
 
@@ -198,12 +200,12 @@ def common(t: Array, signals: Mapping[str, Signal], rate_hz: float | None, repor
     Where a sensor has samples in nearly every row `t` it is the rate of the rows; where the rows are stamps
     of several sensors it is that of the fastest one that shows the motion, to three digits.
     """
-    able = [signal for signal in signals.values() if len(signal.t) >= _FEWEST]
+    able = [signal for signal in signals.values() if len(signal.t) >= RESAMPLING_SETTINGS.fewest_samples]
     moving = [signal for signal in able if signal.name in _MOVING] or able
     rows = max((len(signal.t) for signal in moving), default=len(t))
-    if rate_hz or rows >= _WHOLE * len(t):
+    if rate_hz or rows >= RESAMPLING_SETTINGS.row_share * len(t):
         step, usual = base_step(t), usual_interval(t)
-        if not rate_hz and usual > _UNEVEN * step:
+        if not rate_hz and usual > RESAMPLING_SETTINGS.uneven_ratio * step:
             report.add(
                 "info",
                 "time base",
@@ -250,7 +252,7 @@ def evenly_stamped(
             f"samples came in {spread.bursts} bursts with nearly one stamp each; spread evenly,"
             f" {spread.step_s:.3g} s apart",
         )
-        if len(spread.t) >= _WHOLE * len(t):
+        if len(spread.t) >= RESAMPLING_SETTINGS.row_share * len(t):
             t = spread.t
     return result, t
 
@@ -295,10 +297,7 @@ def _one_sensor(present: Mask) -> bool:
     counts = present.sum(axis=0)
     used = counts > 0
     shared = int(np.logical_and.reduce(present[:, used], axis=1).sum())
-    return shared >= _SHARED * int(counts.max(initial=0))
-
-
-_BLOCKS = 200  # parts of a record whose motion is compared
+    return shared >= RESAMPLING_SETTINGS.shared_share * int(counts.max(initial=0))
 
 
 def own_samples(
@@ -333,8 +332,8 @@ def most_moving(samples: Mapping[str, tuple[Array, Array]], most: int) -> dict[s
     """The samples of the stretch of time in which the channels move most, `most` of each at the most.
 
     Times in s and values (m,) by channel. A channel's motion is its standard deviation within each of
-    `_BLOCKS` equal parts of the record, as a share of their sum, so that every channel counts alike. A record
-    that is short enough stays as it is.
+    `motion_blocks` equal parts of the record, as a share of their sum, so that every channel counts alike. A
+    record that is short enough stays as it is.
     """
     longest = max((len(t) for t, _ in samples.values()), default=0)
     if longest <= most:
@@ -342,9 +341,9 @@ def most_moving(samples: Mapping[str, tuple[Array, Array]], most: int) -> dict[s
     edges = np.linspace(
         min(t[0] for t, _ in samples.values() if len(t)),
         max(t[-1] for t, _ in samples.values() if len(t)),
-        _BLOCKS + 1,
+        RESAMPLING_SETTINGS.motion_blocks + 1,
     )
-    motion = np.zeros(_BLOCKS)
+    motion = np.zeros(RESAMPLING_SETTINGS.motion_blocks)
     bounds = {channel: np.searchsorted(t, edges) for channel, (t, _) in samples.items()}
     for channel, (_, y) in samples.items():
         # A heading that turns round and round would be as still as none by its wrapped values.
@@ -354,7 +353,9 @@ def most_moving(samples: Mapping[str, tuple[Array, Array]], most: int) -> dict[s
         motion += spread / max(float(spread.sum()), 1e-300)
     # As many blocks as the densest stretch of any channel allows, one at least.
     counts = np.stack([np.diff(limits) for limits in bounds.values()])
-    wide = next((k for k in range(_BLOCKS, 1, -1) if _sums(counts, k).max() <= most), 1)
+    wide = next(
+        (k for k in range(RESAMPLING_SETTINGS.motion_blocks, 1, -1) if _sums(counts, k).max() <= most), 1
+    )
     first = int(np.argmax(_sums(motion[None], wide)[0]))
     return {
         channel: (t[a:b][:most], y[a:b][:most])
@@ -372,7 +373,7 @@ def _same(t: Array, base: Array | None) -> bool:
     """Whether stamps are those of the time base."""
     if base is None or len(t) != len(base) or len(t) < 2:
         return False
-    return bool(np.max(np.abs(t - base)) <= _TICK * (base[1] - base[0]))
+    return bool(np.max(np.abs(t - base)) <= RESAMPLING_SETTINGS.equal_share * (base[1] - base[0]))
 
 
 def _kept(t: Array, y: Array, good: Mask) -> tuple[Array, Array]:

@@ -197,13 +197,7 @@ class Series:
 
 
 def checked(series: Mapping[str, Series]) -> dict[str, Series]:
-    """The series without lost samples; inputs (`INPUTS`) keep their names.
-
-    Raises
-    ------
-    TrialError
-        An unknown channel, stamps that do not rise, or arrays of different length.
-    """
+    """The series without lost samples; inputs (`INPUTS`) keep their names."""
     known = [channel for channels in CHANNEL_GROUPS.values() for channel in channels]
     result = {}
     for name, samples in series.items():

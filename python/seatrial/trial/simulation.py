@@ -7,6 +7,7 @@ Held by ``tests/base/test_bad_input.py`` and ``tests/cli/test_cli_sensors.py``.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,11 +32,19 @@ if TYPE_CHECKING:
 
 _DECIMALS = {"s": 1, "m": 2, "m/s": 3, "deg": 1}
 
-_RISE_M = 0.05  # of the origin above the surface: less is rounding and the swell of a start at depth 0
 
-_OVER = 1.0 + 1e-6  # of a limit: less is rounding
+@dataclass(frozen=True)
+class SimulationSettings:
+    """What a simulated run is warned of."""
 
-_NO_ANGLE_RAD, _NO_FORCE = 1.6, 5.0  # no fin is turned so far; beyond so many limits a force is another unit
+    #: m of the origin above the surface: less is rounding and the swell of a start at depth 0
+    rise_m: float = 0.05
+    over_limit: float = 1.0 + 1e-6  #: of a limit: less is rounding
+    no_angle_rad: float = 1.6  #: rad: no fin is turned so far
+    no_force: float = 5.0  #: limits: a force beyond so many is in another unit
+
+
+SETTINGS = SimulationSettings()
 
 
 class SimulatedTrial:
@@ -122,7 +131,7 @@ class SimulatedTrial:
         summary = self.summary()
         problems = _clipped(self.vehicle, self.trial)
         rise = -summary["smallest depth, m"]
-        if rise > _RISE_M and self.trial.surface is None:
+        if rise > SETTINGS.rise_m and self.trial.surface is None:
             problems.append(
                 f"the vehicle rises {rise:.2f} m above the surface, of which the run knows nothing; state it"
                 " (--surface 0), or start deeper, with a column z_m"
@@ -179,7 +188,7 @@ def _clipped(vehicle: Vehicle, trial: Trial) -> list[str]:
         away = np.asarray(commands) - float(fact["neutral"])
         signal = -away if fact["reversed"] else away
         limit = np.where(signal < 0.0, float(fact["maximum_astern"]), float(fact["maximum_ahead"]))
-        over = np.abs(away) > _OVER * limit
+        over = np.abs(away) > SETTINGS.over_limit * limit
         if over.any():
             row = int(np.argmax(np.where(over, np.abs(away), 0.0)))
             excesses.append((float(np.mean(over)), name, float(away[row]), float(limit[row])))
@@ -199,9 +208,9 @@ def _clipped(vehicle: Vehicle, trial: Trial) -> list[str]:
 
 def _other_unit(unit: str, largest: float, limit: float) -> str:
     """Which unit a command may be in that no actuator of this one takes."""
-    if unit == "rad" and abs(largest) > _NO_ANGLE_RAD:
+    if unit == "rad" and abs(largest) > SETTINGS.no_angle_rad:
         return ": are these degrees?"
-    if unit == "N" and abs(largest) > _NO_FORCE * limit:
+    if unit == "N" and abs(largest) > SETTINGS.no_force * limit:
         return ": are these revolutions per minute?"
     return ""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,36 +22,43 @@ from seatrial.trial.signals import RecordingReport, Signal
 if TYPE_CHECKING:
     import polars as pl
 
-MINIMUM_ROWS = 10
-"""Fewer samples are too short for derivatives."""
 
-_LEAST_NORM, _NORM_TOLERANCE = 1e-3, 1e-2  # of a quaternion: none at all, and rounded to two decimals
+@dataclass(frozen=True)
+class TableSettings:
+    """What a column of a recording may hold, and what tells that it is read in the wrong unit."""
 
-_MOST_PITCH, _MOST_YAW = 1.75, 12.6
-"""Angles in rad that no pitch and, counted over turns, not all of a yaw have: a right angle, two turns."""
+    minimum_rows: int = 10  #: fewer samples are too short for derivatives
+    least_norm: float = 1e-3  #: of a quaternion: a smaller one is none
+    norm_tolerance: float = 1e-2  #: of a unit quaternion's length: rounded to two decimals
+    most_pitch_rad: float = 1.75  #: rad, a right angle: no pitch has more
+    most_yaw_rad: float = 12.6  #: rad, two turns: not all of a yaw, counted over turns, have more
+    #: of the quaternions may be zeros that stand for no sample; more is another column
+    filled_share: float = 0.25
+    full_turn_deg: tuple[float, float] = (300.0, 400.0)  #: deg, step with which a yaw in degrees begins again
+    nearly_all: float = 0.99  #: quantile of the samples: a spike tells no unit
+    most_commanded: float = 1e9  #: in its unit: no command and no measurement of an actuator is as large
+    #: s, interval of rows above which no motion is seen: the turning circle of a vehicle of 10 m, its slowest
+    #: motion, takes about as long
+    slowest_rows_s: float = 60.0
+    telling_rows: int = 2000  #: rows whose times tell their unit
+    #: of the rows that repeat the one before, above which a sensor is slower than the rows
+    held_share: float = 0.5
+    #: 85th percentile over median of the intervals between changes, up to which a sensor samples evenly
+    even_ratio: float = 1.6
+    #: of a column's numbers with none in the next row, above which the cells without one are no samples
+    apart_share: float = 0.5
+    most_named: int = 3  #: codes that a report lists
 
-_FILLED = 0.25  # of the quaternions may be zeros that stand for no sample; more is another column
 
-_FULL_TURN = (300.0, 400.0)  # step with which a yaw in degrees begins again
-
-_NEARLY_ALL = 0.99  # of the samples: a spike tells no unit
-
-_MOST = 1e9
-"""Size of a command or of what an actuator measures, in its unit, that none has."""
+SETTINGS = TableSettings()
 
 
 def time_base(table: pl.DataFrame, source: Source, file: str) -> Array:
-    """Time of every row, s, strictly rising; dates and times of day become seconds since the first.
-
-    Raises
-    ------
-    TrialError
-        If there are too few rows, a time is missing, no number, or not later than the one before, or the
-        times are those of no recording of a motion.
-    """
-    if table.height < MINIMUM_ROWS:
+    """Time of every row, s, strictly rising; dates and times of day become seconds since the first."""
+    if table.height < SETTINGS.minimum_rows:
         raise TrialError(
-            f"{file}: too short: expected at least {MINIMUM_ROWS} rows of samples, found {table.height}"
+            f"{file}: too short: expected at least {SETTINGS.minimum_rows} rows of samples, found"
+            f" {table.height}"
         )
     column = table[source.column]
     dated = None if source.unit else clock_times(column)
@@ -78,24 +86,18 @@ def time_base(table: pl.DataFrame, source: Source, file: str) -> Array:
             f"{where}: row {row + 1}: expected a time after {t[row - 1]:.10g} s, found {t[row]:.10g} s "
             f"({what}, {len(wrong)} rows in all); sort the rows by time or cut the recording there"
         )
-    if (step := float(np.median(np.diff(t)))) > _SLOWEST_S:
-        by = scale_of("", "", t[:_TELLING_ROWS] / scale)
+    if (step := float(np.median(np.diff(t)))) > SETTINGS.slowest_rows_s:
+        by = scale_of("", "", t[: SETTINGS.telling_rows] / scale)
         unit = next((name for name, factor in _SMALLER.items() if factor == by.factor), "")
         entry = f't_s = {{ from = "{source.column}", unit = "{unit or "ms"}" }}'
         looks = f" they look like {unit} ({by.how});" if unit else ""
         raise TrialError(
-            f"{where}: the rows are {step:.4g} s apart; expected at most {_SLOWEST_S:g} s, because slower"
-            f" rows show no motion of a vehicle;{looks} put the unit into the column's name, as in"
-            f" t_{unit or 'ms'}, or into the column map: {entry}"
+            f"{where}: the rows are {step:.4g} s apart; expected at most {SETTINGS.slowest_rows_s:g} s,"
+            f" because slower rows show no motion of a vehicle;{looks} put the unit into the column's name,"
+            f" as in t_{unit or 'ms'}, or into the column map: {entry}"
         )
     return np.asarray(t)
 
-
-_SLOWEST_S = 60.0
-"""Usual interval of rows above which no motion is seen: the slowest of a vehicle of 10 m, its turning circle,
-takes about as long."""
-
-_TELLING_ROWS = 2000  # whose times tell their unit
 
 _SMALLER = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
@@ -103,13 +105,7 @@ _SMALLER = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 def signals(
     table: pl.DataFrame, t: Array, sources: Mapping[str, Source], file: str, report: RecordingReport
 ) -> dict[str, Signal]:
-    """Signals by name: those of `GROUPS` (the attitude from quaternion or Euler angles), cmd.* and meas.*.
-
-    Raises
-    ------
-    TrialError
-        If a cell is text, a unit or frame does not fit, or a quaternion is zero; names column and row.
-    """
+    """Signals by name: those of `GROUPS` (the attitude from quaternion or Euler angles), cmd.* and meas.*."""
     by_name: dict[str, Signal] = {}
     fresh = _fresh_rows(table, t, sources, file, report)
     spoken = _spoken(table, sources, file)
@@ -251,8 +247,8 @@ def _attitude(
     else:
         bad = np.logical_or.reduce(~np.isfinite(y), axis=1)
         norm = np.linalg.norm(np.where(bad[:, None], 1.0, y), axis=1)
-        zero = np.flatnonzero(norm < _LEAST_NORM)
-        if 0 < len(zero) <= _FILLED * len(norm):
+        zero = np.flatnonzero(norm < SETTINGS.least_norm)
+        if 0 < len(zero) <= SETTINGS.filled_share * len(norm):
             report.add("warning", "attitude", f"samples of zeros {NO_SAMPLE}; masked", len(zero))
             bad[zero] = True
             norm[zero] = 1.0
@@ -261,7 +257,7 @@ def _attitude(
                 f"{file}: {', '.join(s.column for s in given.values())}: row {zero[0] + 1}: expected a unit "
                 f"quaternion, found all zeros ({len(zero)} rows); leave cells without an attitude empty"
             )
-        odd = np.abs(norm - 1.0) > _NORM_TOLERANCE
+        odd = np.abs(norm - 1.0) > SETTINGS.norm_tolerance
         report.add(
             "warning",
             "attitude",
@@ -284,11 +280,13 @@ def _attitude(
 def _note_degrees(y: Array, given: Mapping[str, Source], report: RecordingReport) -> None:
     """Say where angles (m, 3), rad by the map and not wrapped yet, can only be degrees."""
     known = [angle[np.isfinite(angle)] for angle in y.T]
-    largest = [float(np.quantile(np.abs(angle), _NEARLY_ALL)) if len(angle) else 0.0 for angle in known]
+    largest = [
+        float(np.quantile(np.abs(angle), SETTINGS.nearly_all)) if len(angle) else 0.0 for angle in known
+    ]
     steps = np.abs(np.diff(known[2]))
-    wraps = np.any((steps > _FULL_TURN[0]) & (steps < _FULL_TURN[1]))
+    wraps = np.any((steps > SETTINGS.full_turn_deg[0]) & (steps < SETTINGS.full_turn_deg[1]))
     far = float(np.abs(known[2]).min(initial=np.inf)) if len(known[2]) else 0.0
-    if not (largest[1] > _MOST_PITCH or wraps or far > _MOST_YAW):
+    if not (largest[1] > SETTINGS.most_pitch_rad or wraps or far > SETTINGS.most_yaw_rad):
         return
     named = [(k, name) for k, name in enumerate(("roll_deg", "pitch_deg", "yaw_deg")) if name in given]
     extremes = ", ".join(f"{name.removesuffix('_deg')} {largest[k]:.3g} rad" for k, name in named)
@@ -332,7 +330,7 @@ def _actuator(
 
 def _possible(y: Array, group: Group | None, name: str, report: RecordingReport) -> Array:
     """Numbers of a column in SI, NaN where they are larger than any of a vehicle."""
-    most, unit = (_MOST, "") if group is None else (group.most, f" {group.unit}".rstrip())
+    most, unit = (SETTINGS.most_commanded, "") if group is None else (group.most, f" {group.unit}".rstrip())
     wrong = np.isfinite(y) & (np.abs(y) > most)
     if not wrong.any():
         return y
@@ -347,10 +345,6 @@ def _possible(y: Array, group: Group | None, name: str, report: RecordingReport)
 
 
 _SENSORS = ("position", "quaternion", "euler", "velocity", "water velocity", "rates")
-
-_HELD, _STEADY = 0.5, 1.6
-"""Share of the rows that repeat the one before above which a sensor is slower than the rows, and the ratio of
-the intervals (85th percentile to median) between its changes up to which it samples evenly."""
 
 
 def _spoken(table: pl.DataFrame, sources: Mapping[str, Source], file: str) -> Mask:
@@ -383,10 +377,10 @@ def _fresh_rows(
             continue
         fresh = np.r_[True, ~same]
         intervals = np.diff(t[fresh])
-        even = len(intervals) > MINIMUM_ROWS and np.quantile(intervals, 0.85) <= _STEADY * np.median(
-            intervals
-        )
-        if np.isnan(y).any() or same.mean() <= _HELD or not even:
+        even = len(intervals) > SETTINGS.minimum_rows and np.quantile(
+            intervals, 0.85
+        ) <= SETTINGS.even_ratio * np.median(intervals)
+        if np.isnan(y).any() or same.mean() <= SETTINGS.held_share or not even:
             return {}
         result[group.name] = fresh
     if result:
@@ -396,10 +390,6 @@ def _fresh_rows(
             "the rows repeat the samples of slower sensors; each is taken at its first row",
         )
     return result
-
-
-_APART = 0.5
-"""Share of a column's numbers with none in the next row above which the cells without one are no samples."""
 
 
 def _sampled(column: pl.Series, y: Array, spoken: Mask) -> Mask:
@@ -413,14 +403,12 @@ def _sampled(column: pl.Series, y: Array, spoken: Mask) -> Mask:
     numbers = np.isfinite(y)
     followed = numbers[1:] | ~given[1:]
     between = numbers[:-1] & ~followed & spoken[1:]
-    if numbers.sum() >= MINIMUM_ROWS and between.sum() > _APART * numbers.sum():
+    if numbers.sum() >= SETTINGS.minimum_rows and between.sum() > SETTINGS.apart_share * numbers.sum():
         return np.asarray(numbers & given)
     return given
 
 
 _JUMPING = ("force", "moment", "euler", "quaternion")  # groups whose columns jump and return by themselves
-
-_NAMED = 3  # codes
 
 
 def _without_sentinels(
@@ -433,8 +421,8 @@ def _without_sentinels(
         at |= code.at
     if not codes:
         return y, at
-    numbers = ", ".join(f"{code.value:.10g}" for code in codes[:_NAMED])
-    numbers += f" and {len(codes) - _NAMED} more" if len(codes) > _NAMED else ""
+    numbers = ", ".join(f"{code.value:.10g}" for code in codes[: SETTINGS.most_named])
+    numbers += f" and {len(codes) - SETTINGS.most_named} more" if len(codes) > SETTINGS.most_named else ""
     after = "the value before is held" if name.startswith("cmd.") else "masked"
     report.add("warning", name, f"samples of {numbers} {NO_SAMPLE}; {after}", int(at.sum()))
     return np.where(at, np.nan, y), at
@@ -454,11 +442,6 @@ def numbers(column: pl.Series, canonical: str, file: str) -> Array:
     column : polars.Series
     canonical, file : str
         Its canonical name and the recording, for messages.
-
-    Raises
-    ------
-    TrialError
-        A cell holds text, or the column no numbers; names column and row.
     """
     import polars as pl
 

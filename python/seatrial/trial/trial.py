@@ -192,11 +192,6 @@ class Trial:
         progress
             Called with a `Progress` before each step of the reading.
 
-        Raises
-        ------
-        TrialError
-            If the recording or its column map cannot be used; says file, column, row and what to do.
-
         Examples
         --------
         >>> import numpy as np
@@ -230,10 +225,10 @@ class Trial:
                 f" {surface!r}"
             )
         t = resampling.common(time, signals, rate_hz, report)
-        if len(t) < table.MINIMUM_ROWS:
+        if len(t) < table.SETTINGS.minimum_rows:
             raise TrialError(
                 f"{file}: {len(t)} samples at {1.0 / (t[1] - t[0]) if len(t) > 1 else rate_hz:g} Hz;"
-                f" expected at least {table.MINIMUM_ROWS}"
+                f" expected at least {table.SETTINGS.minimum_rows}"
             )
         reading.begin("signs and latencies")
         remove = align and given.automatic
@@ -288,13 +283,7 @@ class Trial:
         return tuple(channel for channel, gone in zip(CHANNELS, absent, strict=True) if not gone)
 
     def channel(self, name: str) -> Array:
-        """Samples of one channel in SI, shape (n,); NaN where absent.
-
-        Raises
-        ------
-        TrialError
-            If there is no channel of that name.
-        """
+        """Samples of one channel in SI, shape (n,); NaN where absent."""
         if name not in CHANNELS:
             raise TrialError(f'{self.name}: "{name}" is no channel{nearest(name, CHANNELS)}')
         return self.observed[:, CHANNELS.index(name)]
@@ -392,11 +381,6 @@ class Trial:
         ----------
         path
             Its ending decides the format.
-
-        Raises
-        ------
-        TrialError
-            If the ending is another one or the file cannot be written.
         """
         path = Path(path)
         if path.suffix not in (".csv", ".parquet"):
@@ -424,11 +408,6 @@ class Trial:
             alone.
         motion
             Whether to give the smoothed velocities, which only measured axes need.
-
-        Raises
-        ------
-        TrialError
-            If the input was not recorded or a channel is unknown.
         """
         from seatrial._core import Record
 

@@ -234,13 +234,7 @@ class Sailed:
     def of(
         cls, table: SailedTable, path: Path, truth: Truth, *, waves: WavesTable | None, **rest: Any
     ) -> Sailed:
-        """Sailed trial of a recipe; files are relative to it.
-
-        Raises
-        ------
-        TrialError
-            Autopilot, mission, waves or dither are not usable.
-        """
+        """Sailed trial of a recipe; files are relative to it."""
         from seatrial._core import Autopilot
 
         def beside(name: str) -> str | Path:
@@ -266,13 +260,7 @@ class Sailed:
         return cls(str(path), truth, autopilot, mission, sensors, waves=sea, dither=dither, **rest)
 
     def fly(self, seed: int) -> Flight:
-        """Flight of the truth vehicle with this seed of waves, current and sensors' errors.
-
-        Raises
-        ------
-        TrialError
-            The flight cannot be flown, or diverges.
-        """
+        """Flight of the truth vehicle with this seed of waves, current and sensors' errors."""
         water = self.current
         with _said(self.where):
             flight = fly(
@@ -317,13 +305,7 @@ class Sailed:
         }
 
     def every(self, flight: Flight) -> int:
-        """Control periods per row of the log.
-
-        Raises
-        ------
-        TrialError
-            They do not fit together.
-        """
+        """Control periods per row of the log."""
         ratio = 1.0 / (self.rate_hz * flight.period_s)
         if round(ratio) < 1 or abs(ratio - round(ratio)) > _TICK * ratio:
             raise TrialError(
@@ -337,11 +319,6 @@ def read_dither(path: Path, vehicle: Vehicle, where: str) -> dict[str, Array]:
     """Dither from its table: ``times`` (s,) in s, and by actuator what is added to its command, in its unit.
 
     The columns are ``t_s`` and ``dither.ACTUATOR``, as `seatrial plan` writes them.
-
-    Raises
-    ------
-    TrialError
-        The table cannot be read, has other columns or gaps, or goes beyond an actuator's range.
     """
     import polars as pl
 
