@@ -48,7 +48,7 @@ def decays(
 
 
 def findings(trial: Trial, channel: str) -> str:
-    return "\n".join(str(finding) for finding in trial.report.findings if finding.channel == channel)
+    return "\n".join(str(finding) for finding in trial.report.findings if finding.subject == channel)
 
 
 @pytest.mark.parametrize("sensors", ["gyro", "attitude", "both"])

@@ -54,7 +54,7 @@ def test_law_what_moves_clearly_and_runs_against_the_pose_is_reversed(channels: 
         table[name] = -table[name]
     found = Trial.read(table).report.findings
     reversed_ = [one for one in found if "sign reversed" in one.message]
-    assert {one.channel for one in reversed_} == set(channels)
+    assert {one.subject for one in reversed_} == set(channels)
     for one in reversed_:  # gain, lag and what the sign explains
         assert "gain -" in one.message
         assert "% explained" in one.message
@@ -65,7 +65,7 @@ def test_a_half_turn_of_the_gyro_is_its_own_where_the_velocity_agrees_with_the_a
     table = motion.columns(T, noise=2e-3)
     table |= {name: -table[name] for name in ("q_deg_s", "r_deg_s")}  # forward, port, up
     found = Trial.read(table).report.findings
-    assert {one.channel for one in found if "sign reversed" in one.message} == {"q", "r"}
+    assert {one.subject for one in found if "sign reversed" in one.message} == {"q", "r"}
 
 
 def test_motion_at_the_noise_tells_no_sign() -> None:
@@ -125,7 +125,7 @@ def test_a_delay_where_the_search_ends_is_no_estimate() -> None:
     table = motion.columns(T, velocity_late=2.4, noise=2e-3)  # 1 s is searched
     report = Trial.read(table).report
     assert "velocity" not in report.latencies
-    assert "is at the end of the search" in str(report)
+    assert "lies at the end of the range" in str(report)
     late = consistency(log(5, Errors(rates_late=1.495), 100.0))
     assert not any(one.key == "delay_s.rates" for one in late.corrections)
     for edge, inside in product((-1.0, 1.0), (0.5, 0.9)):

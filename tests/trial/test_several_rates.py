@@ -64,7 +64,7 @@ def rows(*tables: dict[str, Array]) -> pl.DataFrame:
 
 
 def findings(trial: Trial, channel: str) -> str:
-    return "\n".join(str(finding) for finding in trial.report.findings if finding.channel == channel)
+    return "\n".join(str(finding) for finding in trial.report.findings if finding.subject == channel)
 
 
 def test_the_time_base_is_that_of_the_fastest_sensor_of_the_motion(log: pl.DataFrame) -> None:

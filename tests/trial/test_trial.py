@@ -22,7 +22,7 @@ T = np.arange(0.0, 20.0, 0.1)
 
 
 def findings(trial: Trial, channel: str) -> str:
-    return "\n".join(str(finding) for finding in trial.report.findings if finding.channel == channel)
+    return "\n".join(str(finding) for finding in trial.report.findings if finding.subject == channel)
 
 
 @pytest.fixture

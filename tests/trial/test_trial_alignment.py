@@ -34,7 +34,7 @@ def test_a_long_record_is_compared_where_it_moves() -> None:
     still = {name: np.full(len(t) - 3000, y[0] if name != "u_m_s" else 0.0) for name, y in moving.items()}
     table = {name: np.concatenate([still[name], y]) for name, y in moving.items()} | {"t_s": t}
     table["u_m_s"] = -table["u_m_s"]
-    messages = [finding.message for finding in Trial.read(table).report.findings if finding.channel == "u"]
+    messages = [finding.message for finding in Trial.read(table).report.findings if finding.subject == "u"]
     assert any("sign reversed here" in message for message in messages)
 
 

@@ -43,7 +43,7 @@ def trial(run: str) -> Trial:
 
 def counts(run: str, words: str) -> dict[str, int]:
     """Counts of the findings whose message has these words, by channel."""
-    return {f.channel: f.count or 0 for f in trial(run).report.findings if words in f.message}
+    return {f.subject: f.count or 0 for f in trial(run).report.findings if words in f.message}
 
 
 @pytest.mark.parametrize("run", RUNS)

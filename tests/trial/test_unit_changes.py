@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from seatrial.base.channels import DEGREE
 from seatrial.trial.recording import recording
-from seatrial.trial.signals import Finding
+from seatrial.trial.signals import RecordingFinding
 from seatrial.trial.trial import Trial
 from tests.inspect.logs import Motion
 
@@ -44,7 +44,7 @@ def log(seed: int, *, rate_hz: float = 10.0, noise: float = 1.0, rest_s: float =
     return table
 
 
-def changes(table: dict[str, Any]) -> list[Finding]:
+def changes(table: dict[str, Any]) -> list[RecordingFinding]:
     return [one for one in recording(table).report.findings if "the unit changes" in one.message]
 
 
@@ -72,8 +72,8 @@ def test_a_unit_that_changes_is_named_with_its_row(
     for name in names:
         table[name] = np.where(np.arange(len(table["t_s"])) < at, table[name], factor * table[name])
     (found,) = changes(table)
-    assert found.severity == "error"
-    assert set(found.channel.split()) <= {name.split("_")[0] for name in names}
+    assert found.level == "error"
+    assert set(found.subject.split()) <= {name.split("_")[0] for name in names}
     # The first row counts one; of rates around zero the row is known to a few.
     row = int(found.message.split("from row ")[1].split()[0])
     assert abs(row - (at + 1)) <= 3
@@ -139,7 +139,7 @@ def test_two_sensors_that_change_in_one_row_are_both_named() -> None:
     late = np.arange(len(table["t_s"])) >= 1200
     for name in (*SPEEDS, *PLACES):
         table[name] = np.where(late, 1000.0 * table[name], table[name])
-    named = " ".join(one.channel for one in changes(table)).split()
+    named = " ".join(one.subject for one in changes(table)).split()
     assert {"u", "z"} <= set(named)
 
 

@@ -115,9 +115,8 @@ def test_noise_alone_is_no_change_of_the_current(noise: float) -> None:
 
 def test_velocities_that_fit_no_water_are_a_warning() -> None:
     table = _log(np.tile([0.2, -0.1, 0.0], (len(T), 1)))
-    assert not [f for f in st.Trial.read(table).report.findings if f.severity == "warning"]
+    assert not [f for f in st.Trial.read(table).report.findings if f.level == "warning"]
     wrong = st.Trial.read(table | {"u_water_m_s": -table["u_water_m_s"]})
     assert any(
-        f.severity == "warning" and "check sign, unit and frame of both" in str(f)
-        for f in wrong.report.findings
+        f.level == "warning" and "check sign, unit and frame of both" in str(f) for f in wrong.report.findings
     )

@@ -365,7 +365,7 @@ def _readings(record: Record) -> tuple[Array, Mask]:
     observed, mask = trial.observed.copy(), trial.valid.copy()
     for finding in trial.report.findings:
         if finding.kind == "derived":
-            mask[:, [CHANNELS.index(name) for name in finding.channel.split() if name in VELOCITIES]] = False
+            mask[:, [CHANNELS.index(name) for name in finding.subject.split() if name in VELOCITIES]] = False
     absent = [index for index, name in enumerate(CHANNELS) if name not in trial.channels]
     mask[:, absent] = False
     for name, (stamps, values) in trial.samples.items():

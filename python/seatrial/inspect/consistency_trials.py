@@ -98,7 +98,7 @@ def late_velocity(
         if not {"x", "y"} & set(trial.channels):
             return True
         return any(
-            finding.channel == "velocity" and finding.kind == "latency not estimated"
+            finding.subject == "velocity" and finding.kind == "latency not estimated"
             for finding in trial.report.findings
         )
 
@@ -248,5 +248,5 @@ def _done(key: str, report: RecordingReport) -> bool:
     if key == "tilt_deg.frame":
         return report.tilt is not None
     return kind == "signs" and any(
-        finding.channel == name and finding.kind == "sign reversed" for finding in report.findings
+        finding.subject == name and finding.kind == "sign reversed" for finding in report.findings
     )

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -106,7 +107,7 @@ def align(
     gyro = _compared(signals, "rates") if {"rates", "attitude"} <= set(signals) and "rates" in names else None
     convention = _convention(gyro, signals, sources)
     if convention is not None:
-        report.add("warning", "attitude", f"{convention.sentence}; left as recorded")
+        report.warning("attitude convention", "attitude", **convention.facts)
     for name in names:
         if (
             name not in signals
@@ -119,9 +120,7 @@ def align(
             and "depth" in signals
             and signals["position"].step > SETTINGS.slowest_position_s
         ):
-            step = signals["position"].step
-            message = f"latency not estimated: a position every {step:.2g} s is too slow for it"
-            report.add("info", name, message, kind="latency not estimated")
+            report.info("latency not estimated", name, interval_s=signals["position"].step)
             continue
         compared = gyro if name == "rates" else _compared(signals, name)
         automatic = given.automatic and convention is None
@@ -139,27 +138,22 @@ def align(
             continue
         delay = None if compared is None else _latency(compared, float(t[1] - t[0]))
         if delay is None:
-            why = "too little motion or too few valid samples"
-            if compared is not None and compared.at_end and any(axis.moves for axis in compared.follows):
-                why = f"the best fit is at the end of the search, +/- {SETTINGS.largest_latency_s:g} s"
-            report.add("info", name, f"latency not estimated: {why}")
+            at_end = compared is not None and compared.at_end and any(axis.moves for axis in compared.follows)
+            searched: dict[str, Any] = {"searched_s": SETTINGS.largest_latency_s} if at_end else {}
+            report.info("latency not estimated", name, **searched)
         elif delay.trusted:
             report.latencies[name] = delay.seconds
-            late = "late" if delay.seconds > 0.0 else "early"
-            report.add(
-                "info",
-                name,
-                f"{abs(delay.seconds):.3f} s (+/- {delay.deviation:.3f} s) {late} against the pose; removed",
-            )
+            report.info("latency removed", name, delay_s=delay.seconds, sd_s=delay.deviation)
             aligned[name] = sensor.earlier(delay.seconds)
             if name == "velocity" and "water velocity" in signals:  # one instrument, one delay
                 aligned["water velocity"] = aligned["water velocity"].earlier(delay.seconds)
         else:
-            report.add(
-                "info",
+            report.info(
+                "latency uncertain",
                 name,
-                f"latency {delay.seconds:.3f} s (+/- {delay.deviation:.3f} s, "
-                f"correlation {delay.correlation:.2f}) is not certain or negligible; left as recorded",
+                delay_s=delay.seconds,
+                sd_s=delay.deviation,
+                correlation=delay.correlation,
             )
     return aligned
 
@@ -297,7 +291,7 @@ def _latency(compared: _Compared, step: float) -> Latency | None:
 
 def _correct_signs(
     sensor: Signal,
-    found: _Compared,
+    compared: _Compared,
     report: RecordingReport,
     sources: Mapping[str, Source],
     *,
@@ -306,67 +300,72 @@ def _correct_signs(
     """The sensor with channels that run against the pose reversed; others that do not follow it are named.
 
     A channel of the velocity that a lever arm explains better than a sign stays; the `fixed` channels stay
-    too, and are named. What is reversed is reversed in `found`, too.
+    too, and are named. What is reversed is reversed in `compared`, too.
     """
     signs = np.ones(len(sensor.channels))
-    y, known = found.shown(found.rough)
-    use = known & found.known
-    moving = float(np.std(found.reference[use])) if use.any() else 0.0
-    for k, (channel, one) in enumerate(zip(sensor.channels, found.follows, strict=True)):
-        reference = found.reference[use, k]
+    y, known = compared.shown(compared.rough)
+    use = known & compared.known
+    moving = float(np.std(compared.reference[use])) if use.any() else 0.0
+    for k, (channel, axis) in enumerate(zip(sensor.channels, compared.follows, strict=True)):
+        reference = compared.reference[use, k]
         # A delay where the search ended is none, and no sign is told at it.
-        if found.at_end or not (one.reversed or one.doubtful):
-            if one.unrelated and np.std(reference) > SETTINGS.clear_motion_share * moving:
-                words = f"does not follow the recorded pose ({one}); check the column map"
-                report.add("warning", channel, words)
+        if compared.at_end or not (axis.reversed or axis.doubtful):
+            if axis.unrelated and np.std(reference) > SETTINGS.clear_motion_share * moving:
+                report.warning("not following", channel, follows=axis)
             continue
-        entry = replace(sources[_COLUMN[channel]], sign=-sources[_COLUMN[channel]].sign)
-        state = f"in the column map: {_COLUMN[channel]} = {entry}"
-        runs = f"runs opposite to the recorded pose ({one})"
-        on_arm = found.group == "velocity" and _on_an_arm(channel, y[use, k], reference, found.turning[use])
+        on_arm = compared.group == "velocity" and _on_an_arm(
+            channel, y[use, k], reference, compared.turning[use]
+        )
         if on_arm:
-            words = f"{runs}, as a sensor with a lever arm does; left as recorded. Give the position of the"
-            words += " sensor"
+            kind = "sign on a lever arm"
         elif channel in fixed:
-            words = f"{runs}; left as recorded. Reverse it with signs.{channel} = -1 under corrections"
-        elif one.doubtful:
-            words = f"seems to run opposite to the recorded pose ({one}), too weakly to be corrected; left as"
-            words += f" recorded. If its sign is wrong, state it {state}"
+            kind = "sign left"
+        elif axis.doubtful:
+            kind = "sign doubtful"
         else:
+            kind = "sign reversed"
             signs[k] = -1.0
-            found.curves.axes[channel] = (channel, -1.0)
-            words = f"{runs}; sign reversed here. State it {state}"
-        report.add("warning", channel, words, kind="sign reversed" if signs[k] < 0.0 else "")
+            compared.curves.axes[channel] = (channel, -1.0)
+        report.warning(kind, channel, follows=axis, **_reversed_entry(_COLUMN[channel], sources))
     return replace(sensor, y=sensor.y * signs)
+
+
+def _reversed_entry(column: str, sources: Mapping[str, Source]) -> dict[str, Any]:
+    """A column and its entry in the column map with the other sign, as values of a finding."""
+    return {"column": column, "entry": replace(sources[column], sign=-sources[column].sign)}
 
 
 _SI = {"velocity": "m/s", "rates": "rad/s"}
 
 
 def _report_scale(
-    sensor: Signal, found: _Compared, report: RecordingReport, sources: Mapping[str, Source]
+    sensor: Signal, compared: _Compared, report: RecordingReport, sources: Mapping[str, Source]
 ) -> None:
     """Warn of a sensor that is larger or smaller than the pose's motion, with the unit that would explain it.
 
     The scale is that of the root mean squares of both about their means, over the channels that follow the
     pose: latency does not change it.
     """
-    y, known = found.shown(0.0)
-    use = found.known & known
+    y, known = compared.shown(0.0)
+    use = compared.known & known
     if use.sum() < SETTINGS.fewest_samples:
         return
     following = [
-        k for k, one in enumerate(found.follows) if one.moves and one.share > SETTINGS.least_share_for_scale
+        k
+        for k, axis in enumerate(compared.follows)
+        if axis.moves and axis.share > SETTINGS.least_share_for_scale
     ]
     if following:
-        told = [sensor.channels[k] for k in following]
-        shown, moved = (float(np.linalg.norm(x[use][:, following].std(axis=0))) for x in (y, found.reference))
-        _say_scale(sensor, told, shown, moved, "pose", report, sources)
+        channels = [sensor.channels[k] for k in following]
+        shown, moved = (
+            float(np.linalg.norm(x[use][:, following].std(axis=0))) for x in (y, compared.reference)
+        )
+        _say_scale(sensor, channels, shown, moved, "pose", report, sources)
 
 
 def _say_scale(
     sensor: Signal,
-    told: Sequence[str],
+    channels: Sequence[str],
     shown: float,
     moved: float,
     moving: str,
@@ -384,17 +383,19 @@ def _say_scale(
         return
     if side == "reference":
         channel = "z" if moving == "depth" else "position" if sensor.name == "velocity" else "attitude"
-        unit = _SI[sensor.name]
-        words = (
-            f"moves by {moved:.2g} {unit} rms where the {sensor.name} shows {shown:.2g} {unit}, {scale:.3g}"
+        report.warning(
+            "unit of the reference",
+            channel,
+            moved=moved,
+            shown=shown,
+            scale=scale,
+            unit=_SI[sensor.name],
+            sensor=sensor.name,
+            moving=moving,
+            pressure=pressure_of(scale) if moving == "depth" else None,
         )
-        words += " times as much; no vehicle moves so little or so much: check the unit of the "
-        words += moving
-        if moving == "depth" and (pressure := pressure_of(scale)) is not None:
-            words += f". A pressure in {pressure} that is read as Pa would do that"
-        report.add("warning", channel, words)
         return
-    columns = [_COLUMN[channel] for channel in told]
+    columns = [_COLUMN[channel] for channel in channels]
     group = next(group for group in GROUPS if columns[0] in group.columns)
     units = {**UNITS[sensor.name], _SI[sensor.name]: 1.0}
     for column in columns:
@@ -403,18 +404,15 @@ def _say_scale(
         likely = [
             unit for unit, size in units.items() if abs(scale * size / stated - 1.0) < SETTINGS.unit_tolerance
         ]
-        said = f"{scale:.3g} times what the derivative of the recorded {moving} shows"
         channel = sensor.channels[columns.index(column)] if len(columns) == len(sensor.channels) else column
-        if likely:
-            entry = replace(source, unit=likely[0])
-            said += f": {likely[0]}? State it in the column map: {column} = {entry}"
-        elif (
-            1.0 / SETTINGS.worrying_scale < scale < SETTINGS.worrying_scale
-        ):  # noise of a positioning system may do that
+        # Noise of a positioning system may make a scale without a unit, as long as it is near one.
+        if not likely and 1.0 / SETTINGS.worrying_scale < scale < SETTINGS.worrying_scale:
             continue
-        else:
-            said += f"; check its unit, and that of the {moving}"
-        report.add("warning", channel, said)
+        unit = likely[0] if likely else None
+        entry = replace(source, unit=unit) if unit else source
+        report.warning(
+            "unit of the sensor", channel, scale=scale, moving=moving, unit=unit, column=column, entry=entry
+        )
 
 
 def _report_scale_of_depth(
@@ -473,15 +471,8 @@ def _same_signs(
         both = valid[:, k] & ~water.bad[:, column]
         if float(over[both, k] @ water.y[both, column]) > 0.0:
             signs[column] = -1.0
-            name = _COLUMN[water.channels[column]]
-            entry = replace(sources[name], sign=-sources[name].sign)
-            report.add(
-                "warning",
-                water.channels[column],
-                f"runs as {channel} did before its sign was reversed; sign reversed here. State it in the"
-                f" column map: {name} = {entry}",
-                kind="sign reversed",
-            )
+            own = water.channels[column]
+            report.warning("sign reversed", own, like=channel, **_reversed_entry(_COLUMN[own], sources))
     return replace(water, y=water.y * signs)
 
 

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import CHANNELS
+from seatrial.base.finding import Finding
 from seatrial.base.frames import body_rates, matrix, to_euler
 from seatrial.trial.resampling import RESAMPLING_SETTINGS, angles, held, linear, silences
 from seatrial.trial.signals import RecordingReport, Signal
@@ -65,9 +66,6 @@ class AssemblySettings:
 SETTINGS = AssemblySettings()
 
 
-_NAMES = ("north", "east", "down")
-
-
 @dataclass(frozen=True)
 class WaterCurrent:
     """Current (n, 3) north, east, down in m/s at the times of the record, its deviation (3,), m/s.
@@ -91,25 +89,12 @@ def _add_current(
     nu, through, attitude = (np.asarray(parts[name]) for name in ("nu", "water", "attitude"))
     derived = water_current(t, nu[:, :3] - through, attitude, ground & water)
     if derived is None:
-        report.add(
-            "info",
-            "current",
-            "not derived: too few samples have both velocity over ground and velocity through the water",
-        )
+        report.info("current not derived", "current")
         return
     parts["current"] = derived.current
+    note = report.warning if derived.deviation.max() > SETTINGS.doubtful_current_m_s else report.info
     mean = derived.current.mean(axis=0)
-    numbers = ", ".join(
-        f"{name} {value:+.3f} (+/- {sd:.3f})"
-        for name, value, sd in zip(_NAMES, mean, derived.deviation, strict=True)
-    )
-    manner = "steady" if derived.steady else "changing, its mean"
-    sentence = f"{manner} {numbers} m/s, from velocity over ground less that through water"
-    if derived.deviation.max() > SETTINGS.doubtful_current_m_s:
-        sentence += "; the velocities do not agree on one current: check sign, unit and frame of both"
-    report.add(
-        "warning" if derived.deviation.max() > SETTINGS.doubtful_current_m_s else "info", "current", sentence
-    )
+    note("current derived", "current", steady=derived.steady, mean=mean, sd=derived.deviation)
 
 
 def water_current(t: Array, difference: Array, attitude: Array, known: Mask) -> WaterCurrent | None:
@@ -191,8 +176,8 @@ def assemble(signals: Mapping[str, Signal], t: Array, report: RecordingReport) -
     }
     _report_masked(report)
     if absent.any():
-        missing = " ".join(channel for channel, gone in zip(CHANNELS, absent, strict=True) if gone)
-        report.add("info", "channels", f"not recorded: {missing}")
+        missing = [channel for channel, gone in zip(CHANNELS, absent, strict=True) if gone]
+        report.info("not recorded", "channels", channels=missing)
     parts = {
         "observed": observed,
         "valid": valid,
@@ -219,38 +204,45 @@ def assemble(signals: Mapping[str, Signal], t: Array, report: RecordingReport) -
 
 def _report_masked(report: RecordingReport) -> None:
     """Report channels that are masked in more than a quarter of the record, with the largest cause."""
-    lost: dict[str, list[str]] = {}
+    lost: list[tuple[Finding | None, list[str]]] = []
     for channel, count in report.masked.items():
         if count > SETTINGS.reported_masked_share * report.samples:
-            lost.setdefault(_cause(channel, report), []).append(channel)
-    for cause, channels in lost.items():
+            cause = _cause(channel, report)
+            same = next((channels for other, channels in lost if other is cause), None)
+            if same is None:
+                lost.append((cause, [channel]))
+            else:
+                same.append(channel)
+    for cause, channels in lost:
         share = max(report.masked[channel] for channel in channels) / report.samples
-        report.add(
-            "warning",
-            " ".join(channels),
-            f"{100.0 * share:.0f} % of the samples are masked, most of them for {cause}; look at these"
-            " samples, and give another column or a part of the log if they are wrong",
-            kind="mostly masked",
-        )
+        report.warning("mostly masked", " ".join(channels), cause=cause, share=share)
 
 
 _GROUP_OF = {c: name for name, cs in (("position", "xyz"), ("velocity", "uvw"), ("rates", "pqr")) for c in cs}
 _GROUP_OF |= dict.fromkeys(("roll", "pitch", "yaw"), "attitude")
 
 
-def _cause(channel: str, report: RecordingReport) -> str:
-    """What masks most samples of a channel, in words."""
+_MASKING = frozenset((
+    "clock jumped", "codes", "frozen", "gaps in time", "jumps", "no unit quaternion", "not finite",
+    "rows repeated", "spikes", "uncommanded", "zeros",
+))  # fmt: skip
+"""Kinds of findings that mask samples."""
+
+
+def _cause(channel: str, report: RecordingReport) -> Finding | None:
+    """The finding that masks most samples of a channel; None where none does."""
     group = _GROUP_OF[channel]
     columns = {f"{channel}_{unit}" for unit in ("m", "m_s", "deg", "deg_s")}
     own = {channel, group, "log", "commands", *columns}
     own |= {"depth"} if channel == "z" else set()
     # Of derived channels the pose is masked.
     own |= {"attitude", "position", "depth"} if group in ("velocity", "rates") else set()
-    gaps = [f for f in report.findings if f.severity != "info" and f.channel in own and "masked" in f.message]
-    if not gaps:
-        return "missing samples"
-    most = max(gaps, key=lambda f: f.count or 0)
-    return f"{most.count or ''} {most.message.partition(';')[0]} ({most.channel})".strip()
+    masking = [
+        finding
+        for finding in report.findings
+        if finding.kind in _MASKING and finding.subject in own and not finding.values.get("held")
+    ]
+    return max(masking, key=lambda finding: finding.count or 0, default=None)
 
 
 def _derive(
@@ -276,13 +268,13 @@ def _derive(
     q = curve(t)
     size = np.linalg.norm(q, axis=1)[:, None]
     derived = {
-        "rates": (3, body_rates(q / size, curve(t, 1) / size), turned, "the attitude"),
-        "velocity": (0, np.zeros((len(t), 3)), turned & placed, "position and attitude"),
+        "rates": (3, body_rates(q / size, curve(t, 1) / size), turned, ("attitude",)),
+        "velocity": (0, np.zeros((len(t), 3)), turned & placed, ("position", "attitude")),
     }
     if placed.any() and absent[:3].any():
         path = spline(t, filled[:, 6:9], placed)
         v = np.einsum("nji,nj->ni", matrix(q / size), path(t, 1))
-        derived["velocity"] = (0, v, turned & placed, "position and attitude")
+        derived["velocity"] = (0, v, turned & placed, ("position", "attitude"))
     for first, motion, known, origin in derived.values():
         missing = [k for k in range(3) if absent[first + k]]
         if not missing or not known.any():
@@ -293,7 +285,7 @@ def _derive(
         observed[:, columns] = filled[:, columns] = motion[:, missing]
         valid[:, columns] = good[:, None]
         names = " ".join(CHANNELS[k] for k in columns)
-        report.add("info", names, f"derived from {origin} by smoothing differentiation", kind="derived")
+        report.info("derived", names, origin=origin)
 
 
 def _only_fixes(signals: Mapping[str, Signal], valid: Mask, report: RecordingReport) -> None:
@@ -308,27 +300,16 @@ def _only_fixes(signals: Mapping[str, Signal], valid: Mask, report: RecordingRep
     share = float(valid[:, columns].any(axis=1).mean())
     if 0.0 < share < SETTINGS.whole_record_share:
         valid[:, columns] = False
-        names = " ".join(position.channels)
-        report.add(
-            "warning",
-            names,
-            f"known in {100.0 * share:.0f} % of the record only, as fixes at the surface; masked",
-        )
+        report.warning("only fixes", " ".join(position.channels), share=share)
 
 
 def _report_gaps(signal: Signal, report: RecordingReport) -> None:
     intervals = np.diff(signal.t)
     gaps = intervals > RESAMPLING_SETTINGS.gap_intervals * signal.interval
     longest = float(intervals.max()) if gaps.any() else 0.0
-    message, kind = f"gaps in time, the longest {longest:.2f} s; masked", ""
-    if gaps.any() and _goes_on(signal, int(intervals.argmax())):
-        kind = "clock jumped"
-        message += (
-            "; across it the vehicle moved no further than in one interval: the clock may have jumped. If it"
-            " did, take the jump out of the stamps, or import the parts before and after it as trials of"
-            " their own"
-        )
-    report.add("warning", signal.label, message, int(gaps.sum()), kind=kind)
+    jumped = gaps.any() and _goes_on(signal, int(intervals.argmax()))
+    kind = "clock jumped" if jumped else "gaps in time"
+    report.warning(kind, signal.label, count=int(gaps.sum()), longest_s=longest)
 
 
 def _goes_on(signal: Signal, at: int) -> bool:
@@ -375,15 +356,13 @@ def _silent(signals: Mapping[str, Signal], t: Array, report: RecordingReport) ->
             first = start if start <= t[0] else start + usual
             silent |= (t >= first) & ((t < end) | (end >= t[-1]))
         longest = sorted(sorted(spans, key=lambda span: span[0] - span[1])[: SETTINGS.most_silences_named])
-        listed = ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in longest)
-        more = f" and {len(spans) - len(longest)} shorter ones" if len(spans) > len(longest) else ""
-        names = ", ".join(signal.name.removeprefix("cmd.") for signal in stream)
-        report.add(
-            "warning",
+        report.warning(
+            "uncommanded",
             "commands",
-            f"{names}: no command from {listed}{more}, otherwise one every {usual:.2g} s; all channels are"
-            " masked there. If a command was held there, add rows with its value to the log",
-            kind="uncommanded",
+            actuators=[signal.name.removeprefix("cmd.") for signal in stream],
+            longest=longest,
+            shorter=len(spans) - len(longest),
+            usual_s=usual,
         )
     return silent
 

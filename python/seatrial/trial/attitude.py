@@ -21,9 +21,11 @@ gravity and buoyancy pull the model over by some newton metres that turn with th
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -103,25 +105,22 @@ class AttitudeConvention:
         return self.last and not self.inverse and self.frame == _FRAMES[0]
 
     @property
+    def facts(self) -> dict[str, Any]:
+        """How it differs from the one read, and how sure that is, as values of a finding."""
+        return {
+            "scalar_last": self.last,
+            "inverse": self.inverse,
+            "frames": (self.frames or (self.frame,)) if self.frame != _FRAMES[0] else (),
+            "gyro_instead": self.either,
+            "share": self.share,
+            "before": self.before,
+        }
+
+    @property
     def sentence(self) -> str:
-        """What was found, how sure it is, and what to write in the column map."""
-        faults = []
-        if self.last:
-            faults.append(
-                "its four columns hold x y z w, the scalar last (give q_x the column of q_w, q_y that of q_x,"
-                " q_z that of q_y, and q_w that of q_z)"
-            )
-        if self.inverse:
-            faults.append("it turns the earth into the body (give sign = -1 to q_x, q_y and q_z)")
-        if self.frame != _FRAMES[0]:
-            named = " or ".join(f'frame = "{frame}"' for frame in self.frames or (self.frame,))
-            faults.append(f"its axes have z up (give {named} to each column of the attitude)")
-        gyro = ', or the gyro has them (give frame = "FLU" to p_deg_s, q_deg_s and r_deg_s)'
-        return (
-            f"the attitude has another convention than the map says: {', and '.join(faults)}"
-            f"{gyro if self.either else ''}; so it explains {100.0 * self.share:.0f} % of the motion that"
-            f" gyro and velocity show, and {100.0 * self.before:.0f} % as mapped"
-        )
+        """The same in words."""
+        words = importlib.import_module("seatrial.report.results.trial_findings")
+        return str(words.convention(self.facts))
 
 
 def as_convention(q: Array, convention: AttitudeConvention) -> Array:
@@ -328,15 +327,12 @@ def level(
     tilted = certain_tilt(attitude.y[attitude.good])
     if tilted is None:
         return levelled
-    text = (
-        f"the earth frame is tilted by {tilted.angle / DEGREE:.1f} deg (+/- {tilted.deviation / DEGREE:.1f}"
-        " deg) against gravity, as the measured attitude at different headings shows"
-    )
+    size: dict[str, Any] = {"angle_deg": tilted.angle / DEGREE, "sd_deg": tilted.deviation / DEGREE}
     if not tilted.trusted or not remove:
-        report.add("warning", "attitude", f"{text}; left as recorded")
+        report.warning("frame tilted", "attitude", turned=False, **size)
         return levelled
     report.tilt = (float(tilted.direction[0]), float(tilted.direction[1]))
-    report.add("info", "attitude", f"{text}; position and attitude turned upright")
+    report.info("frame tilted", "attitude", turned=True, **size)
     return turned_upright(levelled, tilted)
 
 

@@ -308,8 +308,7 @@ def corrected(
     for key, value in corrections.given.items():
         name = key.partition(".")[2] or "attitude"
         here = key == "current" or _present(name, present, signals)
-        origin = "as given under corrections" if here else "given under corrections, but not recorded"
-        report.add("info", key, f"{value}, {origin}")
+        report.info("correction given", key, value=value, recorded=here)
         if here:
             report.corrections[key] = value
     return work.signals
@@ -433,19 +432,14 @@ def to_origin(
             if name not in signals or not arm.any():
                 continue
             if needed not in signals:
-                report.add(
-                    "warning",
-                    name,
-                    f"lever arm ignored: moving the sensor to O needs the {needed}, not recorded",
-                )
+                report.warning("lever arm ignored", name, needed=needed)
                 continue
             if sensor == "velocity":
                 moved[name] = _velocity(moved[name], signals[needed], arm)
             else:
                 own = "z" if sensor == "depth" else "xy" if "depth" in positions else "xyz"
                 moved[name] = _position(moved[name], signals[needed], arm, own)
-            where = ", ".join(f"{x:g}" for x in arm)
-            report.add("info", name, f"moved to O from the {sensor} sensor at ({where}) m")
+            report.info("lever arm", name, sensor=sensor, arm_m=arm.tolist())
     return moved
 
 

@@ -151,13 +151,7 @@ def _silent(measured: list[Signal], repeated: Mapping[str, Mask], report: Record
         return {}
     t = several[0].t
     longest = max(t[min(stop, len(t) - 1)] - t[start - 1] for start, stop in runs(pause))
-    report.add(
-        "warning",
-        "log",
-        "rows repeat the row before in every sensor: gaps that the logger filled, "
-        f"the longest {longest:.2f} s; masked",
-        int(pause.sum()),
-    )
+    report.warning("rows repeated", "log", count=int(pause.sum()), longest_s=longest)
     return {s.name: pause for s in several}
 
 
@@ -230,13 +224,8 @@ def _frozen(signal: Signal, repeated: Mask, at_rest: Mask, report: RecordingRepo
     usual = _usual_run(repeated)
     moves = 1.0 - repeated.mean()
     if usual and 0.2 < moves < 1.0:
-        report.add(
-            "info",
-            signal.label,
-            "samples repeat the one before: "
-            f"a sensor of about {moves / signal.step:.2g} Hz in a table of {1.0 / signal.step:.3g} Hz",
-            int(repeated.sum()),
-        )
+        rates = {"rate_hz": moves / signal.step, "table_hz": 1.0 / signal.step}
+        report.info("held samples", signal.label, count=int(repeated.sum()), **rates)
     # A sensor with noise never repeats one channel alone; a rounded or simulated one does.
     alone = np.any(signal.y[1:] == signal.y[:-1], axis=1) & ~repeated[1:]
     noisy = signal.y.shape[1] > 1 and alone.mean() < SETTINGS.rounded_share
@@ -251,10 +240,7 @@ def _frozen(signal: Signal, repeated: Mask, at_rest: Mask, report: RecordingRepo
         if stop - start > usual and (ends or moving):
             result[start:stop] = True
             events += 1
-    plural = "" if events == 1 else "s"
-    report.add(
-        "warning", signal.label, f"frozen samples in {events} drop-out{plural}; masked", int(result.sum())
-    )
+    report.warning("frozen", signal.label, count=int(result.sum()), drop_outs=events)
     return result
 
 
@@ -327,12 +313,12 @@ def _between_jumps(signal: Signal, speedometer: Signal | None, report: Recording
         if edge or _wrong(steps, jump, place, t, wide):
             result[good[start : end + 1]] = True
     result[good[jump]] = result[good[jump + 1]] = True
-    report.add(
-        "warning",
+    report.warning(
+        "jumps",
         signal.label,
-        f"jumps faster than any ordinary motion; {int(result.sum())} samples beside them, "
-        f"or away between two less than {SETTINGS.longest_wrong_fix_s:g} s apart, masked",
-        len(jump),
+        count=len(jump),
+        samples=int(result.sum()),
+        apart_s=SETTINGS.longest_wrong_fix_s,
     )
     return result
 
@@ -414,7 +400,7 @@ def _spikes(signal: Signal, shown: tuple[Array, Array] | None, report: Recording
                 continue
             if not _confirmed(other, signal.t[good[highest]], deviation[highest]):
                 result[good[start:stop], k] = True
-        report.add("warning", channel, "spikes masked", int(result[:, k].sum()))
+        report.warning("spikes", channel, count=int(result[:, k].sum()))
     return result
 
 
@@ -434,24 +420,17 @@ def _confirmed(shown: tuple[Array, Array] | None, t: float, size: float) -> bool
 def _report_constant(signal: Signal, report: RecordingReport) -> None:
     if signal.name == "attitude":
         if np.ptp(signal.y, axis=0).max() == 0.0:
-            report.add("warning", "attitude", "constant over the whole recording; a sensor that is off?")
+            report.warning("constant", "attitude")
             return
         euler = to_euler(signal.y[signal.good])
         for angle, value in stuck({name: euler[:, ANGLES.index(name)] for name in signal.channels}).items():
-            report.add(
-                "warning",
-                angle,
-                f"constant at {value:.6g} rad over the whole recording while another angle changes; a sensor"
-                " that is stuck? Map the right column, or leave this one out of the map",
-            )
+            report.warning("angle constant", angle, value=value)
         return
     good = signal.good
     for k, channel in enumerate(signal.channels):
         y = signal.y[good, k]
         if len(y) and np.ptp(y) == 0.0:
-            report.add(
-                "warning", channel, f"constant at {y[0]:.6g} over the whole recording; a sensor that is off?"
-            )
+            report.warning("constant", channel, value=float(y[0]))
 
 
 def stuck(angles: Mapping[str, Array]) -> dict[str, float]:
@@ -479,15 +458,7 @@ def report_height(signals: Mapping[str, Signal], report: RecordingReport) -> Non
         z = signal.y[~signal.bad[:, place], place]
         above = float(np.mean(z < -SETTINGS.above_surface_m)) if len(z) else 0.0
         if above > 0.5:
-            report.add(
-                "warning",
-                "z",
-                f"above the surface in {100.0 * above:.0f} % of the record ({np.median(z):.3g} m at the"
-                " median; z counts downwards from the surface): if the sensor counts upwards, give its column"
-                ' sign = -1, or the whole position frame = "ENU" or "NWU"; if its zero is not the surface,'
-                " shift it",
-                kind="above the surface",
-            )
+            report.warning("above the surface", "z", share=above, median_m=float(np.median(z)))
 
 
 def _possible_pulses(signals: Mapping[str, Signal], report: RecordingReport) -> dict[str, Signal]:
@@ -508,12 +479,8 @@ def _possible_pulses(signals: Mapping[str, Signal], report: RecordingReport) -> 
         before = np.maximum.accumulate(np.where(wrong, -1, np.arange(len(y))))
         before[before < 0] = int(np.argmin(wrong))  # none before: the first possible one
         mended[name] = replace(signal, y=signal.y[before])
-        report.add(
-            "warning",
-            name,
-            f"pulse widths above {SETTINGS.longest_pulse_us:g} us; the one before is held instead",
-            int(wrong.sum()),
-        )
+        longest = SETTINGS.longest_pulse_us
+        report.warning("pulses too long", name, count=int(wrong.sum()), most_us=longest)
     return mended
 
 
@@ -532,14 +499,8 @@ def _report_commands(signals: Mapping[str, Signal], report: RecordingReport) -> 
         for extreme in (y.min(), y.max()):
             share = float(np.mean(y == extreme))
             if share > 0.02 and len(np.unique(y)) > 10:
-                limited.append(f"{actuator} {extreme:.6g} ({100.0 * share:.0f} %)")
+                limited.append((actuator, float(extreme), share))
     if still:
-        report.add(
-            "warning",
-            "commands",
-            f"never change, so nothing about them can be identified: {', '.join(still)}",
-        )
+        report.warning("commands constant", "commands", actuators=still)
     if limited:
-        report.add(
-            "warning", "commands", f"stay at their extreme values, perhaps saturated: {', '.join(limited)}"
-        )
+        report.warning("commands at extremes", "commands", extremes=limited)

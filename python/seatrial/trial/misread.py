@@ -192,21 +192,17 @@ def report_unit_changes(signals: Mapping[str, Signal], time: Array, report: Reco
         ]
         row = int(np.searchsorted(time, first.t - 1e-9)) + 1
         names = " ".join(dict.fromkeys(change.name for change in together))
-        report.add("error", names, _sentence(first, row, len(names.split())))
+        report.error(
+            "unit changes",
+            names,
+            row=row,
+            t_s=first.t,
+            factor=first.factor,
+            larger=first.larger,
+            units=_RATIOS[first.sensor][first.ratio],
+            ratio=first.ratio,
+        )
         changes = [change for change in changes if not any(change is other for other in together)]
-
-
-def _sentence(change: _Change, row: int, count: int) -> str:
-    """What changes where, and what to do."""
-    units = _RATIOS[change.sensor][change.ratio]
-    before, after = units if change.larger else units[::-1]
-    word, factor = ("larger", change.factor) if change.larger else ("smaller", 1.0 / change.factor)
-    return (
-        f"the unit changes within the channel{'s' if count > 1 else ''}: from row {row} (t ="
-        f" {change.t:.6g} s) on, values are {factor:.3g} times {word}, as {after} after {before} would be"
-        f" ({change.ratio:.4g} times); convert one part, or cut the recording there into two trials, each"
-        " with its unit"
-    )
 
 
 def _channels(signals: Mapping[str, Signal]) -> Iterator[_Channel]:
@@ -362,9 +358,6 @@ def _goes_on(other: _Channel, change: _Change, changes: list[_Change]) -> bool:
         return True  # a component that changes with it, and has no level by which to know the ratio
     return abs(growth) <= min(_OTHERS, 0.7 * abs(goal))
 
-
-NO_SAMPLE = "stand for no sample"
-"""What is said of a number that is a code."""
 
 NO_SAMPLE_WORDS = frozenset({
     *(

@@ -383,17 +383,13 @@ def recording(
     _note_time(time, sources["t_s"], report)
     signals = table.signals(cells, time, sources, file, report)
     used = {source.column for source in sources.values()} | set(sticks)
-    unused = [f'"{column}"' for column in cells.columns if column and column not in used]
+    unused = [column for column in cells.columns if column and column not in used]
     if unused:
-        report.add("info", "columns", f"not used: {', '.join(unused)}")
+        report.info("columns unused", "columns", columns=unused)
     for column in cells.columns:
         if column not in used and (misfit := misfit_of(column)) is not None:
-            report.add(
-                "warning",
-                "columns",
-                f'"{column}" is not used: called as {misfit[0]}, and {misfit[1]} is no unit of it; map it, or'
-                " rename it",
-            )
+            canonical, unit = misfit
+            report.warning("column of another unit", "columns", column=column, canonical=canonical, unit=unit)
     del cells, read  # a long log is large: nothing below needs its cells
     begin("defects")
     signals, time = resampling.evenly_stamped(signals, time, report)
@@ -409,9 +405,6 @@ def _note_time(t: Array, source: Source, report: RecordingReport) -> None:
     scale = scale_of("", "", t[:_TELLING_ROWS])
     if scale.factor < 1.0:
         unit = {1e-3: "ms", 1e-6: "us", 1e-9: "ns"}[scale.factor]
-        report.add(
-            "error" if scale.unix else "warning",
-            "time",
-            f"read as s, {(len(t) - 1) / (t[-1] - t[0]):.3g} Hz, and looks like {unit} ({scale.how}); state"
-            f' the unit in the column map: t_s = {{ from = "{source.column}", unit = "{unit}" }}',
-        )
+        note = report.error if scale.unix else report.warning
+        rate = (len(t) - 1) / (t[-1] - t[0])
+        note("time unit", "time", rate_hz=rate, unit=unit, how=scale.how, column=source.column)

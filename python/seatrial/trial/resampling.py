@@ -191,6 +191,8 @@ def between(times: Array, y: Array, bad: Mask, t: Array, step: float) -> tuple[A
     return np.interp(t, times[good], y[good]), inside & near & good[before] & good[after]
 
 
+_BASE = "time base"
+
 _MOVING = ("rates", "attitude", "velocity", "position", "depth", "water velocity")
 
 
@@ -206,22 +208,13 @@ def common(t: Array, signals: Mapping[str, Signal], rate_hz: float | None, repor
     if rate_hz or rows >= RESAMPLING_SETTINGS.row_share * len(t):
         step, usual = base_step(t), usual_interval(t)
         if not rate_hz and usual > RESAMPLING_SETTINGS.uneven_ratio * step:
-            report.add(
-                "info",
-                "time base",
-                f"stamps are {step:.3g} to {usual:.3g} s apart; put on {1.0 / step:.3g} Hz, which keeps all"
-                " samples",
-            )
+            report.info("stamps uneven", _BASE, step_s=step, usual_s=usual)
         return uniform(t, rate_hz, report.source)
     if not moving:
         return uniform(t, None, report.source)
     fastest = min(moving, key=lambda signal: base_step(signal.t))
     rate = float(f"{1.0 / base_step(fastest.t):.3g}")
-    report.add(
-        "info",
-        "time base",
-        f"the sensors have stamps of their own; put on {rate:g} Hz, the rate of the {fastest.label}",
-    )
+    report.info("stamps of several sensors", _BASE, rate_hz=rate, fastest=fastest.label)
     return uniform(t, rate, report.source)
 
 
@@ -246,12 +239,7 @@ def evenly_stamped(
     for stamps, names in by_stamps.items():
         spread = spreads[stamps]
         assert spread is not None
-        report.add(
-            "warning",
-            ", ".join(names),
-            f"samples came in {spread.bursts} bursts with nearly one stamp each; spread evenly,"
-            f" {spread.step_s:.3g} s apart",
-        )
+        report.warning("bursts", ", ".join(names), bursts=spread.bursts, step_s=spread.step_s)
         if len(spread.t) >= RESAMPLING_SETTINGS.row_share * len(t):
             t = spread.t
     return result, t

@@ -4,15 +4,16 @@ what was done to a recording.
 
 from __future__ import annotations
 
-import re
+import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.errors import TrialError, nearest
+from seatrial.base.finding import Finding, Severity, by_severity
 from seatrial.base.plain import Plain
 from seatrial.logs.clock import usual_interval
 
@@ -64,32 +65,48 @@ class Signal:
         return replace(self, t=self.t - latency)
 
 
-Severity = Literal["info", "warning", "error"]
+LEVELS = {Severity.NOTE: "info", Severity.WEAKNESS: "warning", Severity.PROBLEM: "error"}
+"""Names of the severities in the report of a recording; an error forbids its use as it is."""
 
 
 @dataclass(frozen=True)
-class Finding:
-    """One fact about a channel of a recording.
+class RecordingFinding(Finding):
+    """One fact about a channel of a recording, its `subject`; `count` samples or events show it.
 
-    Attributes
-    ----------
-    severity, channel, message
-    count
-        Number of samples or events that it concerns.
-    kind
-        What others ask for: "clock jumped", "uncommanded", "mostly masked", "above the surface", "latency not
-        estimated", "sign reversed", "derived"; empty for all else.
+    Its words are those of `seatrial.report.results.trial_findings`.
     """
 
-    severity: Severity
-    channel: str
-    message: str
     count: int | None = None
-    kind: str = ""
+
+    @property
+    def level(self) -> str:
+        """Severity as "info", "warning" or "error"."""
+        return LEVELS[self.severity]
+
+    @property
+    def message(self) -> str:
+        """What was found, to follow channel and count."""
+        words = importlib.import_module("seatrial.report.results.trial_findings")
+        return str(words.message(self))
+
+    @property
+    def line(self) -> str:
+        """Channel, count and message."""
+        number = "" if self.count is None else f"{self.count} "
+        return f"{self.subject}: {number}{self.message}"
 
     def __str__(self) -> str:
-        number = "" if self.count is None else f"{self.count} "
-        return f"{self.severity:<8} {self.channel}: {number}{self.message}"
+        return f"{self.level:<8} {self.line}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Level, channel, message, count and kind as plain data for JSON."""
+        return {
+            "severity": self.level,
+            "channel": self.subject,
+            "message": self.message,
+            "count": self.count,
+            "kind": self.kind,
+        }
 
 
 @dataclass
@@ -119,31 +136,49 @@ class RecordingReport(Plain):
     samples: int = 0
     rate_hz: float = 0.0
     duration_s: float = 0.0
-    findings: list[Finding] = field(default_factory=list)
+    findings: list[RecordingFinding] = field(default_factory=list)
     latencies: dict[str, float] = field(default_factory=dict)
     tilt: tuple[float, float] | None = None
     masked: dict[str, int] = field(default_factory=dict)
     corrections: dict[str, Any] = field(default_factory=dict)
 
-    def add(
-        self, severity: Severity, channel: str, message: str, count: int | None = None, *, kind: str = ""
+    def info(self, kind: str, channel: str, *, count: int | None = None, **values: Any) -> None:
+        """Note a fact about a channel; a count of zero is none, here and below."""
+        self._add(Severity.NOTE, kind, channel, count, values)
+
+    def warning(
+        self,
+        kind: str,
+        channel: str,
+        *,
+        count: int | None = None,
+        cause: Finding | None = None,
+        **values: Any,
     ) -> None:
-        """Append a finding; a count of zero is no finding, and one gap, spike or jump is singular."""
-        if count == 1:
-            message = re.sub(
-                r"^(gap|spike|jump|frozen sample|sign flip|NaN or infinite sample|pulse width)s\b",
-                r"\1",
-                message,
-            )
-            message = re.sub(r"^samples are no (.*)s \(", r"sample is no \1 (", message)
+        """Note what the user should look at."""
+        self._add(Severity.WEAKNESS, kind, channel, count, values, cause)
+
+    def error(self, kind: str, channel: str, *, count: int | None = None, **values: Any) -> None:
+        """Note what forbids the use of the recording as it is."""
+        self._add(Severity.PROBLEM, kind, channel, count, values)
+
+    def _add(
+        self,
+        severity: Severity,
+        kind: str,
+        channel: str,
+        count: int | None,
+        values: Mapping[str, Any],
+        cause: Finding | None = None,
+    ) -> None:
         if count != 0:
-            self.findings.append(Finding(severity, channel, message, count, kind))
+            finding = RecordingFinding(kind, severity, channel, values, cause, count=count)
+            self.findings.append(finding)
 
     @property
     def errors(self) -> list[str]:
         """Findings with which the recording should not be used as it is, a clause each."""
-        wrong = [finding for finding in self.findings if finding.severity == "error"]
-        return [str(finding).removeprefix(finding.severity).strip() for finding in wrong]
+        return [finding.line for finding in self.findings if finding.severity == Severity.PROBLEM]
 
     def __str__(self) -> str:
         lines = [f"{self.source}: {self.samples} samples, {self.duration_s:.1f} s at {self.rate_hz:.4g} Hz"]
@@ -157,8 +192,7 @@ class RecordingReport(Plain):
                 if count
             ]
             lines.append(f"{'masked':<8} {', '.join(shares) or 'no sample'}")
-        order = {"error": 0, "warning": 1, "info": 2}
-        lines += [str(finding) for finding in sorted(self.findings, key=lambda f: order[f.severity])]
+        lines += map(str, by_severity(self.findings))
         return "\n".join(lines)
 
 

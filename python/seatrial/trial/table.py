@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from seatrial.base.errors import TrialError
 from seatrial.base.frames import continuous, from_euler
 from seatrial.logs.clock import Counter32, clock_times, scale_of
 from seatrial.trial.columns import GROUPS, Group, Source
-from seatrial.trial.misread import NO_SAMPLE, NO_SAMPLE_WORDS, sentinels
+from seatrial.trial.misread import NO_SAMPLE_WORDS, sentinels
 from seatrial.trial.resampling import instruments, together
 from seatrial.trial.signals import RecordingReport, Signal
 
@@ -155,7 +155,7 @@ def _group(
         y[~np.isfinite(y[:, k]), k] = np.nan
     empty = [name for k, name in enumerate(group.columns) if name in given and not present[:, k].any()]
     if empty:
-        report.add("warning", group.name, f"no sample of {', '.join(empty)}: every cell is empty")
+        report.warning("column empty", group.name, columns=empty)
     if group.name == "quaternion" and empty:
         return []
     parts = []
@@ -184,7 +184,7 @@ def _own_rows(
         # Rows of one sensor share their times: a copy each would be a third of a long log.
         return (t, cells) if sampled.all() else (t[sampled], cells[sampled])
     times, brought = apart
-    report.add("info", group.name, "components have stamps of their own; brought to those of the busiest")
+    report.info("components apart", group.name)
     cells = np.full((len(times), y.shape[1]), np.nan)
     cells[:, columns] = brought
     return times, cells
@@ -236,8 +236,7 @@ def _attitude(
     if group.name == "euler":
         absent = [k for k, name in enumerate(group.columns) if name not in given]
         if absent:
-            missing = ", ".join(group.channels[k] for k in absent)
-            report.add("warning", "attitude", f"{missing} not recorded and taken as zero")
+            report.warning("angles missing", "attitude", angles=[group.channels[k] for k in absent])
             y[:, absent] = 0.0
         unknown = ~np.isfinite(y)
         _note_degrees(y, given, report)
@@ -249,7 +248,7 @@ def _attitude(
         norm = np.linalg.norm(np.where(bad[:, None], 1.0, y), axis=1)
         zero = np.flatnonzero(norm < SETTINGS.least_norm)
         if 0 < len(zero) <= SETTINGS.filled_share * len(norm):
-            report.add("warning", "attitude", f"samples of zeros {NO_SAMPLE}; masked", len(zero))
+            report.warning("zeros", "attitude", count=len(zero))
             bad[zero] = True
             norm[zero] = 1.0
         elif len(zero):
@@ -258,13 +257,8 @@ def _attitude(
                 f"quaternion, found all zeros ({len(zero)} rows); leave cells without an attitude empty"
             )
         odd = np.abs(norm - 1.0) > SETTINGS.norm_tolerance
-        report.add(
-            "warning",
-            "attitude",
-            f"samples are no unit quaternions (length {norm.min():.2f} to {norm.max():.2f}), as linear "
-            "interpolation over a sign flip leaves them; masked",
-            int(odd.sum()),
-        )
+        lengths: dict[str, Any] = {"shortest": float(norm.min()), "longest": float(norm.max())}
+        report.warning("no unit quaternion", "attitude", count=int(odd.sum()), **lengths)
         q = np.where(bad[:, None], [1.0, 0.0, 0.0, 0.0], y / np.where(bad, 1.0, norm)[:, None])
         bad |= odd
         channels = ("roll", "pitch", "yaw")
@@ -273,7 +267,7 @@ def _attitude(
         q = frames.attitude_to_ned(q, frame, f"{file}: {next(iter(given))}")
     q, flips = continuous(q)
     if group.name == "quaternion":
-        report.add("info", "attitude", "sign flips of the quaternion made continuous", flips)
+        report.info("sign flips", "attitude", count=flips)
     return Signal("attitude", channels, t, q, np.repeat(bad[:, None], 4, axis=1), unknown)
 
 
@@ -289,13 +283,11 @@ def _note_degrees(y: Array, given: Mapping[str, Source], report: RecordingReport
     if not (largest[1] > SETTINGS.most_pitch_rad or wraps or far > SETTINGS.most_yaw_rad):
         return
     named = [(k, name) for k, name in enumerate(("roll_deg", "pitch_deg", "yaw_deg")) if name in given]
-    extremes = ", ".join(f"{name.removesuffix('_deg')} {largest[k]:.3g} rad" for k, name in named)
-    entries = ", ".join(f'{name} = {{ from = "{given[name].column}", unit = "deg" }}' for _, name in named)
-    report.add(
-        "error",
+    report.error(
+        "looks like degrees",
         "attitude",
-        f"angles reach {extremes}, more than any vehicle's: they look like degrees; state the unit in the"
-        f" column map: {entries}",
+        largest_rad={name.removesuffix("_deg"): largest[k] for k, name in named},
+        columns={name: given[name].column for _, name in named},
     )
 
 
@@ -334,13 +326,7 @@ def _possible(y: Array, group: Group | None, name: str, report: RecordingReport)
     wrong = np.isfinite(y) & (np.abs(y) > most)
     if not wrong.any():
         return y
-    report.add(
-        "error",
-        name,
-        f"samples beyond {most:g}{unit}, as no vehicle has them, count as NaN; state the column's unit, or"
-        " leave cells without a sample empty",
-        int(wrong.sum()),
-    )
+    report.error("beyond any vehicle", name, count=int(wrong.sum()), most=most, unit=unit)
     return np.where(wrong, np.nan, y)
 
 
@@ -384,11 +370,7 @@ def _fresh_rows(
             return {}
         result[group.name] = fresh
     if result:
-        report.add(
-            "info",
-            "time base",
-            "the rows repeat the samples of slower sensors; each is taken at its first row",
-        )
+        report.info("rows of slower sensors", "time base")
     return result
 
 
@@ -421,17 +403,20 @@ def _without_sentinels(
         at |= code.at
     if not codes:
         return y, at
-    numbers = ", ".join(f"{code.value:.10g}" for code in codes[: SETTINGS.most_named])
-    numbers += f" and {len(codes) - SETTINGS.most_named} more" if len(codes) > SETTINGS.most_named else ""
-    after = "the value before is held" if name.startswith("cmd.") else "masked"
-    report.add("warning", name, f"samples of {numbers} {NO_SAMPLE}; {after}", int(at.sum()))
+    report.warning(
+        "codes",
+        name,
+        count=int(at.sum()),
+        codes=[code.value for code in codes[: SETTINGS.most_named]],
+        more=max(len(codes) - SETTINGS.most_named, 0),
+        held=name.startswith("cmd."),
+    )
     return np.where(at, np.nan, y), at
 
 
 def _note_not_finite(sampled: Mask, y: Array, name: str, report: RecordingReport) -> None:
     missing = int((~np.isfinite(y) & sampled).sum())
-    after = "the value before is held" if name.startswith("cmd.") else "masked"
-    report.add("warning", name, f"NaN or infinite samples; {after}", missing)
+    report.warning("not finite", name, count=missing, held=name.startswith("cmd."))
 
 
 def numbers(column: pl.Series, canonical: str, file: str) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from seatrial.base.finding import Severity
 from seatrial.base.report import Report, Section, Table
 from seatrial.check.campaign import CampaignCheck
 from seatrial.inspect.consistency_result import current_sentence
@@ -77,7 +78,7 @@ def _worst(check: CampaignCheck) -> tuple[str, str]:
         identify = "run seatrial tune or seatrial verify on this campaign"
     correct = f"correct the trial or its column map if it is used; then {identify}"
     findings = [
-        (finding, f"trial {name}: {str(finding).removeprefix(finding.severity).strip()}")
+        (finding, f"trial {name}: {finding.line}")
         for name, report in check.reports.items()
         for finding in report.findings
     ]
@@ -91,7 +92,9 @@ def _worst(check: CampaignCheck) -> tuple[str, str]:
         replace(finding, subject=name) for name, kind in check.kinds.items() for finding in kind.impossible
     ]
     mapped = [text for finding, text in findings if finding.kind in ("uncommanded", "mostly masked")]
-    if (text := next((text for finding, text in findings if finding.severity == "error"), None)) is not None:
+    if (
+        text := next((text for finding, text in findings if finding.severity == Severity.PROBLEM), None)
+    ) is not None:
         return text, correct
     if unlike:
         return unlike[0], correct
@@ -102,7 +105,7 @@ def _worst(check: CampaignCheck) -> tuple[str, str]:
         return mapped[0], correct
     if open_:
         return open_[0], f"paste the corrections that you accept into the campaign; then {identify}"
-    if warned := [text for finding, text in findings if finding.severity == "warning"]:
+    if warned := [text for finding, text in findings if finding.severity == Severity.WEAKNESS]:
         return warned[0], correct
     scale_sentences = [] if check.scale is None else check.scale.sentences()
     for sentence in (
@@ -123,7 +126,7 @@ def _trial_table(check: CampaignCheck) -> Table:
             f"{report.rate_hz:.4g}",
             str(report.samples),
             str(max(report.masked.values(), default=0)),
-            str(sum(finding.severity != "info" for finding in report.findings) or ""),
+            str(sum(finding.severity > Severity.NOTE for finding in report.findings) or ""),
         )
         for name, report in check.reports.items()
     ]

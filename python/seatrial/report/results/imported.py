@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import printable
+from seatrial.base.finding import Severity
 from seatrial.base.report import Report, Section, Table, words_of
 from seatrial.inspect.consistency_trials import proposals
 from seatrial.intake.imported import Imported, ImportedTrial
@@ -96,15 +97,15 @@ def _problems(made: Imported) -> Iterator[str]:
             )
     yield from made.refused
     yield from made.twice
-    yield from _findings(made, "error")
+    yield from _findings(made, Severity.PROBLEM)
     for imported in made.trials:
         yield from (
             f"trial {imported.name}: {contradiction}" for contradiction in imported.consistency.contradictions
         )
     for imported in made.trials:
         yield from (f"trial {imported.name}: {words_of(finding)}" for finding in imported.kind.impossible)
-    yield from _findings(made, "warning", "mostly masked")
-    yield from _findings(made, "warning", "uncommanded")
+    yield from _findings(made, Severity.WEAKNESS, "mostly masked")
+    yield from _findings(made, Severity.WEAKNESS, "uncommanded")
     for log in made.survey.logs:
         yield from (f"{printable(log.path.name)} was read in part: {note}" for note in log.notes)
     yield from _left_out(made)
@@ -145,14 +146,14 @@ def _problems(made: Imported) -> Iterator[str]:
         )
     yield from _upside_down(made)
     for imported in made.trials:  # of the pose once
-        yield from list(_findings(replace(made, trials=(imported,)), "warning", "clock jumped"))[:1]
+        yield from list(_findings(replace(made, trials=(imported,)), Severity.WEAKNESS, "clock jumped"))[:1]
     guesses = [canonical for canonical, column in made.columns.items() if not column.certain]
     if guesses:
         shown = ", ".join(guesses[:4]) + (f" and {len(guesses) - 4} more" if len(guesses) > 4 else "")
         yield (
             f"guessed from names and ranges, not stated in the log: {shown}; check unit and frame in map.toml"
         )
-    yield from _findings(made, "warning")
+    yield from _findings(made, Severity.WEAKNESS)
     for imported in made.trials:
         yield from (f"trial {imported.name}: {warning}" for warning in imported.kind.warnings)
     for imported in made.trials:
@@ -188,12 +189,12 @@ def _unused(made: Imported, imported: ImportedTrial) -> Iterator[str]:
             )
 
 
-def _findings(made: Imported, severity: str, kind: str = "") -> Iterator[str]:
+def _findings(made: Imported, severity: Severity, kind: str = "") -> Iterator[str]:
     """What the readers found about the recordings, of one severity, and of one kind if given."""
     for imported in made.trials:
         for finding in imported.trial.report.findings:
             if finding.severity == severity and kind in ("", finding.kind):
-                yield f"trial {imported.name}: {str(finding).removeprefix(severity).strip()}"
+                yield f"trial {imported.name}: {finding.line}"
 
 
 def _upside_down(made: Imported) -> Iterator[str]:
