@@ -13,8 +13,12 @@ from __future__ import annotations
 import json
 import math
 import textwrap
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from string import Template
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -106,6 +110,16 @@ class DraftedTrial:
     current: SlowCurrent | None = None
 
 
+def draft(file: str, part: str, **names: str) -> list[str]:
+    """Lines of a part of a drafted file (``drafts.toml``) with names filled in."""
+    return Template(_drafts()[file][part]).substitute(names).splitlines()
+
+
+@cache
+def _drafts() -> dict[str, dict[str, str]]:
+    return tomllib.loads(Path(__file__).with_name("drafts.toml").read_text(encoding="utf-8"))
+
+
 def line(key: str, value: Any) -> str:
     """A key and its value as TOML."""
     plain = key.replace("_", "").replace("-", "")
@@ -163,30 +177,18 @@ def _spread(trial: Trial, channel: str) -> float:
 def campaign_text(name: str, vehicle: Vehicle | None, drafted: Sequence[DraftedTrial]) -> str:
     """Text of the campaign file."""
     shared = drafted[0].columns if all(trial.columns == drafted[0].columns for trial in drafted) else None
-    lines = [
-        "# Drafted by seatrial import. Check it: seatrial check on this file; then identify.",
-        "format = 1",
-        line("name", name),
-        'vehicle = "vehicle.toml"',
-        "seed = 1",
-        "",
-    ]
-    lines += _corrections(drafted)
+    lines = [*draft("campaign", "head", name=line("name", name)), *_corrections(drafted)]
     if shared is not None:
-        lines += [
-            "# The files in trials/ have the columns of the log; the map is that of map.toml.",
-            "[columns]",
-        ]
+        lines += draft("campaign", "columns")
         lines += [line(canonical, entry) for canonical, entry in shared.items()]
         lines.append("")
     for trial in drafted:
         lines += [f"[trials.{json.dumps(trial.name, ensure_ascii=False)}]", line("file", trial.file)]
         if trial.hold_out_s is not None:
-            lines += textwrap.wrap(trial.why, 100, initial_indent="# ", subsequent_indent="# ")
+            lines += _comment(trial.why)
             lines.append(line("hold_out_s", [list(trial.hold_out_s)]))
         else:
-            words = f"no hold-out: {trial.why}"
-            lines += textwrap.wrap(words, 100, initial_indent="# ", subsequent_indent="# ")
+            lines += _comment(f"no hold-out: {trial.why}")
         if trial.rate_hz is not None:
             lines.append(f"{line('rate_hz', trial.rate_hz)} # of very many samples")
         if trial.input != "commands":
@@ -196,8 +198,12 @@ def campaign_text(name: str, vehicle: Vehicle | None, drafted: Sequence[DraftedT
             lines.append(f"[trials.{json.dumps(trial.name, ensure_ascii=False)}.columns]")
             lines += [line(canonical, entry) for canonical, entry in trial.columns.items()]
         lines.append("")
-    stages = _stages(vehicle, drafted) if vehicle is not None else _open_stage(drafted)
+    stages = _stages(vehicle, drafted) if vehicle is not None else _open_stage(drafted, "open_stage")
     return "\n".join([*lines, *stages]) + "\n"
+
+
+def _comment(text: str, width: int = 100) -> list[str]:
+    return textwrap.wrap(text, width, initial_indent="# ", subsequent_indent="# ")
 
 
 def _corrections(drafted: Sequence[DraftedTrial]) -> list[str]:
@@ -205,8 +211,7 @@ def _corrections(drafted: Sequence[DraftedTrial]) -> list[str]:
     shared = {where: entries for where, entries in _found(drafted).items() if common(entries, len(drafted))}
     if not shared:
         return []
-    lines = ["# The channels contradict one another; these corrections would make them agree. None is"]
-    lines += ["# applied: remove the # of a table and of the keys in it that you accept."]
+    lines = draft("campaign", "corrections")
     for table in dict.fromkeys(table for table, _ in shared):
         lines.append(f"# [{table}]")
         for (other, _), entries in shared.items():
@@ -221,15 +226,11 @@ def _own_corrections(drafted_trial: DraftedTrial, drafted: Sequence[DraftedTrial
     for (table, _), entries in _found(drafted).items():
         if not common(entries, len(drafted)) and drafted_trial.name in entries:
             correction = entries[drafted_trial.name]
-            lines += [f"# of this trial alone, {_effect(correction)}; remove the # to accept it:"]
-            lines += [f"# {table}.{correction.line}"]
-    if drafted_trial.current is not None:
-        lines += [
-            f"# A slow current of the water, from {drafted_trial.current.source};",
-            f"# {drafted_trial.current.effect}.",
-            "# Remove the # to accept it:",
-            f"# corrections.{drafted_trial.current.line}",
-        ]
+            own = f"{table}.{correction.line}"
+            lines += draft("campaign", "own_correction", effect=_effect(correction), line=own)
+    if (current := drafted_trial.current) is not None:
+        words = {"source": current.source, "effect": current.effect, "line": current.line}
+        lines += draft("campaign", "current", **words)
     return lines
 
 
@@ -265,18 +266,10 @@ def _effect(correction: Correction) -> str:
     return f"{correction.unit}; {effect}" if correction.unit else effect
 
 
-def _open_stage(drafted: Sequence[DraftedTrial]) -> list[str]:
-    """A stage of one axis for a vehicle that is not complete yet."""
-    return [
-        "# The vehicle is a stub, so this stage is only a beginning: fill in vehicle.toml, import again with",
-        "# --force, and stages are drafted for its actuators.",
-        "[[stages]]",
-        'name = "surge"',
-        line("trials", [trial.name for trial in drafted]),
-        'axes = { free = "X" }',
-        "[stages.coefficients]",
-        "X_u = [-200.0, 0.0]",
-    ]
+def _open_stage(drafted: Sequence[DraftedTrial], why: str) -> list[str]:
+    """A stage of one axis where none can be drafted, and why as a part of ``drafts.toml``."""
+    trials = line("trials", [trial.name for trial in drafted])
+    return draft("campaign", why) + draft("campaign", "surge", trials=trials)
 
 
 def _stages(vehicle: Vehicle, drafted: Sequence[DraftedTrial]) -> list[str]:
@@ -287,15 +280,9 @@ def _stages(vehicle: Vehicle, drafted: Sequence[DraftedTrial]) -> list[str]:
     groups = ["X", "YN", "ZM", "K"] if slender else list(AXES)
     groups = [kept for group in groups if (kept := "".join(axis for axis in group if axis in free))]
     finned = _finned(vehicle) if slender else {}
-    lines = [
-        "# A stage per axis on all trials. Mass and thrust stay as the vehicle file has them, because motion",
-        '# tells only their ratio. "default": the bounds of the vehicle.',
-    ]
+    lines = draft("campaign", "stages")
     if any(axis in finned for axis in free):
-        lines += [
-            "# Where fins turn the vehicle, their lift is free and the added inertia is held for the same",
-            "# reason: the hull's shape tells it better.",
-        ]
+        lines += draft("campaign", "fins")
     missing = [
         axis
         for axis in drivers(vehicle)
@@ -303,20 +290,11 @@ def _stages(vehicle: Vehicle, drafted: Sequence[DraftedTrial]) -> list[str]:
     ]
     for axis in missing:
         names = ", ".join(f"cmd.{name}" for name in drivers(vehicle)[axis])
-        lines += textwrap.wrap(
-            f"Not identified, replayed from the log: {MOTIONS[axis]}. What drives it has no command in the"
-            f" log: map {names} in map.toml, and import again.",
-            100,
-            initial_indent="# ",
-            subsequent_indent="# ",
-        )
+        lines += _comment(draft("campaign", "no_command", motion=MOTIONS[axis], names=names)[0])
     still = [axis for axis in "KM" if axis not in free and axis not in missing and usable]
     if still:
         names = " and ".join(MOTIONS[axis] for axis in still)
-        lines.append(
-            f"# Not identified, replayed from the log: {names}. The angle spreads by less than 2 deg, or it"
-        )
-        lines.append("# is not recorded.")
+        lines += draft("campaign", "still", motions=names)
     first, freed = len(lines), ""
     for group in groups:
         shown = [
@@ -332,25 +310,13 @@ def _stages(vehicle: Vehicle, drafted: Sequence[DraftedTrial]) -> list[str]:
             freed += group
             lines += [*_stage(vehicle, group, shown, "K" if "K" in free else "M", finned), ""]
     if len(lines) == first:
-        return [
-            "# No actuator or wrench drives an axis whose velocity these trials show: nothing can be",
-            "# identified from them.",
-            *_open_stage(drafted)[2:],
-        ]
-    lines += ["# All coefficients and trials at once, with standard deviations.", "[polish]"]
+        return _open_stage(drafted, "nothing_driven")
+    lines += draft("campaign", "joint")
     if instability := runs_away(vehicle, [drafted_trial.trial for drafted_trial in usable], freed):
-        words = (
-            f"Uses a filter's predictions, because {instability}: a simulation diverges from the log for any"
-            " coefficients."
-        )
-        lines += [
-            *textwrap.wrap(words, 95, initial_indent="# ", subsequent_indent="# "),
-            line("method", "innovations"),
-        ]
+        lines += _comment(draft("campaign", "innovations", instability=instability)[0], 95)
+        lines.append(line("method", "innovations"))
     elif not any(trial.rate_hz for trial in usable):
-        lines.append(
-            f"{line('proposal_rounds', SETTINGS.proposal_rounds)} # residuals propose, better ones stay"
-        )
+        lines += draft("campaign", "rounds", line=line("proposal_rounds", SETTINGS.proposal_rounds))
     frame = [] if slender else [*_levers(vehicle, freed), *_off_centre(vehicle, freed)]
     return lines + _known(vehicle, usable, frame)
 
@@ -362,19 +328,8 @@ def _known(vehicle: Vehicle, usable: Sequence[DraftedTrial], frame: Sequence[str
     gains = [name for name, kind in kinds.items() if kind != "fin" and f"{name}.gain" in known]
     if len(gains) < 2 or all(trial.input != "commands" for trial in usable):
         return []
-    lines = [
-        "# No two thrusters push alike, and a difference turns the vehicle. sd: how well the gain is known",
-        "# beforehand.",
-        "[polish.coefficients]",
-        *(line(f"{name}.gain", _THRUST) for name in gains),
-    ]
-    if frame:
-        lines += [
-            "# Levers, in proportion within a group, are known as well as a tape tells; the drag of a",
-            "# frame acts off O.",
-            *frame,
-        ]
-    return lines
+    lines = draft("campaign", "gains") + [line(f"{name}.gain", _THRUST) for name in gains]
+    return lines + ([*draft("campaign", "levers"), *frame] if frame else [])
 
 
 def _levers(vehicle: Vehicle, freed: str) -> list[str]:

@@ -25,7 +25,7 @@ from seatrial.base.run import from_json
 from seatrial.inspect.consistency_result import Consistency
 from seatrial.inspect.consistency_trials import accepted
 from seatrial.inspect.kind_of_data import KindOfData
-from seatrial.intake.campaign_draft import DraftedTrial, campaign_text, line
+from seatrial.intake.campaign_draft import DraftedTrial, campaign_text, draft, line
 from seatrial.intake.map_file import Column
 from seatrial.intake.recordings import rate_of_long
 from seatrial.intake.survey import Survey
@@ -33,7 +33,8 @@ from seatrial.intake.survey import Survey
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.intake.recordings import Recorded, Recording
-    from seatrial.trial.trial import Trial
+    from seatrial.logs.log import Note
+from seatrial.trial.trial import Trial
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +72,7 @@ class ImportedTrial:
     modes: tuple[tuple[float, str], ...]
     consistency: Consistency
     kind: KindOfData
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
     absent: tuple[str, ...]
     logs: tuple[str, ...]
 
@@ -148,7 +149,7 @@ class Imported(Reported):
                         if key in ("corrections", "missing", "compared")
                     },
                     "kind_of_data": trial.kind.to_dict(),
-                    "notes": list(trial.notes),
+                    "notes": list(map(str, trial.notes)),
                     "absent": list(trial.absent),
                 }
                 for trial in self.trials
@@ -223,21 +224,14 @@ def clocks_proposed(folder: Path) -> dict[str, dict[str, str]]:
 
 def map_text(made: Imported, recorded: Sequence[Recording]) -> str:
     """Text of the proposed map: every choice with its reason, every other candidate as a comment."""
-    lines = [
-        "# Which field of the logs is which column of a trial. Drafted by seatrial import.",
-        "# Edit it and import again:",
-        f"# seatrial import LOG... --map {made.folder}/map.toml --out {made.folder} --force",
-        "format = 1",
-        "",
-        "[columns] # SI and degrees after NED and forward-starboard-down; frame: that of the log",
-    ]
+    lines = draft("map", "head", folder=str(made.folder))
     for canonical, column in made.columns.items():
         if not canonical.startswith("cmd."):
             lines.append(line(canonical, _entry(column)))
             lines += _others(made, canonical, column)
     actuators = {name: column for name, column in made.columns.items() if name.startswith("cmd.")}
     if actuators:
-        lines += ["", "[actuators] # command of each actuator of vehicle.toml"]
+        lines += draft("map", "actuators")
         lines += [line(name.removeprefix("cmd."), _entry(column)) for name, column in actuators.items()]
     lines += ["", *_clock_lines(made)]
     for recording in recorded:
@@ -290,11 +284,7 @@ def _clock_lines(made: Imported) -> list[str]:
                 )
     if not proposed:
         return []
-    lines = [
-        "# Clocks that differ from the first file's: t = (stamp - offset_s) / (1 + drift).",
-        "# Not applied: remove the # to accept.",
-        "# [clocks]",
-    ]
+    lines = draft("map", "clocks")
     for file, values in proposed.items():
         entry = ", ".join(f"{key} = {value:.6g}" for key, value in values.items())
         lines.append(f"# {json.dumps(file)} = {{ {entry} }} # {effects[file]}")

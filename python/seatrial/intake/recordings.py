@@ -22,7 +22,7 @@ from seatrial.intake.map_file import Column, ImportMap, MapTrial
 from seatrial.intake.survey import SurveyedLog, chosen
 from seatrial.logs.formats import open_log
 from seatrial.logs.join import Clock, Wanted, find_field, join
-from seatrial.logs.log import Log, listed
+from seatrial.logs.log import Log, Note, listed
 from seatrial.logs.recognise import ESTIMATED
 from seatrial.trial.columns import parse
 from seatrial.trial.resampling import linear
@@ -99,7 +99,7 @@ class Recorded:
     columns: dict[str, dict[str, Any]]
     clocks: dict[str, str]
     absent: tuple[str, ...]
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
     events: tuple[tuple[float, str], ...]
 
 
@@ -219,7 +219,7 @@ def table_of(
     clocks = dict(wanted.clocks)
     joined = join(logs, list(dict.fromkeys(w for w, _ in homes.values())), clocks, share)
     table, notes = joined.table, list(joined.notes)
-    notes += [f"{log.path.name}: {note}" for log in logs for note in log.notes]
+    notes += [Note.of("of file", log.path.name, note=note) for log in logs for note in log.findings]
     plain = {c for c, (w, _) in homes.items() if wanted.columns[c].source in (w.name, f"{w.name}/{w.per}")}
     columns: dict[str, dict[str, Any]] = {}
     fixes: dict[str, tuple[str, Array]] = {}  # latitude and longitude: canonical column, values in degrees
@@ -266,7 +266,7 @@ def table_of(
         columns,
         {canonical: log.path.name for canonical, (_, log) in homes.items()},
         tuple(absent),
-        tuple(dict.fromkeys(notes)),
+        tuple(note for k, note in enumerate(notes) if note not in notes[:k]),
         tuple(_events(recording, clocks, joined.epoch_s)),
     )
 
@@ -276,7 +276,7 @@ def _with_body_velocity(
     columns: Mapping[str, Mapping[str, Any]],
     wanted: ImportMap,
     homes: Mapping[str, tuple[Wanted, Log]],
-    notes: list[str],
+    notes: list[Note],
     file: str,
 ) -> tuple[pl.DataFrame, list[str]]:
     """The table with u, v and w from velocities north, east and down, and the columns it lacks for it."""
@@ -289,10 +289,7 @@ def _with_body_velocity(
         return table, []
     attitude = {c: entry for c, entry in columns.items() if c in _ATTITUDE}
     if len(over_earth) < len(_VELOCITY) or not attitude:
-        lacking = "an attitude" if len(over_earth) == len(_VELOCITY) else "all of north, east and down"
-        notes.append(
-            f"velocity over the earth is not used: expected {lacking} to turn it into the body's axes"
-        )
+        notes.append(Note.of("velocity not used", components=len(over_earth)))
         return table, over_earth
     cells = [
         _numbers(table[homes[c][0].column])
@@ -310,14 +307,7 @@ def _with_body_velocity(
     body[sampled] = np.einsum("nij,ni->nj", matrix(q), over_ground[sampled])
     body[np.flatnonzero(sampled)[~valid.all(axis=1)]] = np.nan
     why = wanted.columns[over_earth[0]].why
-    notes.append(
-        "velocity: north, east and down turned into the body's axes by the attitude"
-        + (
-            f"; {why}: it has the delay and the model of its filter; add a Doppler log"
-            if ESTIMATED in why
-            else ""
-        )
-    )
+    notes.append(Note.of("velocity turned", estimated=why if ESTIMATED in why else ""))
     return table.with_columns(pl.Series(c, body[:, k], nan_to_null=True) for k, c in enumerate(_VELOCITY)), []
 
 
@@ -375,31 +365,29 @@ def _numbers(cells: pl.Series) -> Array:
     return np.asarray(cells.cast(float).fill_null(float("nan")).to_numpy())
 
 
-def _depth(pressure: Array, notes: list[str]) -> Array:
+def _depth(pressure: Array, notes: list[Note]) -> Array:
     """Depth in m of pressures in Pa, absolute, or above the air's where they are less than it."""
     known = pressure[np.isfinite(pressure)]
     # Single samples without a reading tell nothing of the surface.
     low, high = np.quantile(known, [0.01, 0.99]) if len(known) else (_AIR_PA, _AIR_PA)
-    surface, note = _AIR_PA, f"{_AIR_PA:g} Pa is the surface"
+    surface, taken = _AIR_PA, "air"
     if INTAKE_SETTINGS.surface_pa[0] < low < INTAKE_SETTINGS.surface_pa[1]:
         surface = float(
             known[known > INTAKE_SETTINGS.surface_pa[0]].min(initial=INTAKE_SETTINGS.surface_pa[1])
         )
-        note = "the lowest one is taken for the surface"
+        taken = "lowest"
     elif low < INTAKE_SETTINGS.surface_pa[0]:
-        surface, note = 0.0, f"less than the air's, {low:.3g} Pa, so taken as above it"
+        surface, taken = 0.0, "gauge"
     weight = _WATER_KG_M3 * _GRAVITY_M_S2
-    notes.append(f"depth from pressure: {note}, {_WATER_KG_M3:g} kg/m3; in fresh water depths are 2.5 % more")
+    values = {"surface_pa": surface, "lowest_pa": float(low), "rho_kg_m3": _WATER_KG_M3}
+    notes.append(Note.of("depth", "", surface=taken, **values))
     if surface == 0.0 and high < INTAKE_SETTINGS.least_pa:
-        guesses = ", ".join(f"{size * high / weight:.3g} m if {unit}" for unit, size in _LARGER_UNITS.items())
-        notes.append(
-            f"pressures reach {high:.3g} Pa, {high / weight:.2g} m of water: expected a pressure in"
-            f" Pa, found one in another unit ({guesses}); give its unit in map.toml"
-        )
+        size = {"highest_pa": float(high), "depth_m": float(high / weight)}
+        notes.append(Note.of("pressure too small", "", units=_LARGER_UNITS, **size))
     return np.asarray((pressure - surface) / weight)
 
 
-def _metres(t: Array, fixes: Mapping[str, tuple[str, Array]], notes: list[str]) -> list[pl.Series]:
+def _metres(t: Array, fixes: Mapping[str, tuple[str, Array]], notes: list[Note]) -> list[pl.Series]:
     """North and east in m of fixes in degrees, from the first fix, in the projection that missions use.
 
     Latitude and longitude need not share their stamps: where one is sampled, the other is interpolated. Empty
@@ -426,10 +414,8 @@ def _metres(t: Array, fixes: Mapping[str, tuple[str, Array]], notes: list[str]) 
     else:
         origin = both[np.argmax(sampled.any(axis=1))]
         metres = np.where(sampled, LocalFrame(*origin).metres(both), np.nan)
-        place = f"latitude {origin[0]:.7f}" + (
-            "" if longitude is None else f", longitude {origin[1]:.7f} deg"
-        )
-        notes.append(f"north and east from latitude and longitude: metres from the first fix, {place}")
+        east = None if longitude is None else float(origin[1])
+        notes.append(Note.of("metres", latitude_deg=float(origin[0]), longitude_deg=east))
     return [
         pl.Series(fixes[kind][0], metres[:, axis], nan_to_null=True)
         for axis, kind in enumerate(("latitude", "longitude"))

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 from seatrial.base.budget import Budget, guarded, size_of
 from seatrial.base.errors import TrialError, printable
-from seatrial.base.report import Report, Reported, Section, Table
+from seatrial.base.report import Reported
 from seatrial.base.work import callers_errors_pass
 from seatrial.logs.formats import FORMATS, open_log
 from seatrial.logs.log import Event, Field, Log, Share, Topic
@@ -294,50 +294,6 @@ class Survey(Reported):
             "fields": list(self.rows()),
         }
 
-    def table(self) -> Table:
-        """Every field: topic, field, rate, range, unit, what it is taken for."""
-        several = len(self.logs) > 1
-        rows = []
-        for row in self.rows():
-            guess = row["taken_for"] or (f"({row['could_be']})" if row["could_be"] else "")
-            rows.append((
-                printable(row["file"], 24) if several else "",
-                printable(row["topic"], 28),
-                printable(row["field"], 24),
-                _number(row["rate_hz"]),
-                _number(row["minimum"]),
-                _number(row["maximum"]),
-                printable(row["unit"], 10),
-                printable(guess, 20),
-            ))
-        head = ("file", "topic", "field", "Hz", "least", "most", "unit", "taken for")
-        note = "(in brackets): could be that, but another field is better or it never changes"
-        return Table.of("Fields", head, rows, left=3, note=note)
-
-    def report(self) -> Report:
-        """What the logs hold, what could not be read, and the command that goes on."""
-        fields = sum(len(topic.fields) for log in self.logs for topic in log.topics)
-        topics = sum(len(log.topics) for log in self.logs)
-        taken = [canonical for log in self.logs for canonical in chosen(log)]
-        notes = [f"{printable(log.path.name)}: {note}" for log in self.logs for note in log.notes]
-        odd = [f"{printable(log.path.name)}: {log.not_underwater}" for log in self.logs if log.not_underwater]
-        worst = [
-            *(f"{reason}: this is no underwater vehicle" for reason in odd),
-            *notes,
-            *self.lost([log.path.name for log in self.logs]),
-            *([] if taken else ["no field is recognised; write a map with [columns] by hand"]),
-        ]
-        remarks = [f"{printable(log.path.name)}: {remark}" for log in self.logs for remark in log.remarks]
-        names = " ".join(printable(str(log.path), 200) for log in self.logs)
-        return Report(
-            title=", ".join(printable(log.path.name) for log in self.logs),
-            outcome="surveyed",
-            good=f"{topics} topics with {fields} fields; {len(taken)} are taken for columns of a trial",
-            worst=worst[0] if worst else "nothing; all of it was read",
-            next_step=f"seatrial import {names} --out PROJECT",
-            sections=(Section(sentences=(*worst[1:], *remarks), tables=(self.table(),)),),
-        )
-
 
 _IMPORT = Budget(cpu_s=40.0, cpu_s_per_mb=40.0, memory_mb=700.0, memory_mb_per_mb=25.0)
 """What an import may cost beside the reading of its logs, which has budgets of its own: alignment,
@@ -509,7 +465,3 @@ def _one_attitude(best: dict[str, Proposal]) -> None:
         drop = ("roll_deg", "pitch_deg", "yaw_deg")
     for column in drop:
         best.pop(column, None)
-
-
-def _number(x: float) -> str:
-    return f"{x:.4g}" if x == x else ""

@@ -30,6 +30,7 @@ from seatrial.base.errors import TrialError
 from seatrial.base.file_names import file_name
 from seatrial.base.toml_file import VEHICLE, is_path, loaded, text_of
 from seatrial.inspect.manoeuvres import drives
+from seatrial.intake.campaign_draft import draft
 from seatrial.intake.survey import SurveyedLog
 from seatrial.trial.mixer import FRAME_NAMES
 from seatrial.vehicle.actuators import actuator_groups
@@ -160,11 +161,12 @@ def _with_inertia(text: str, vehicle: Vehicle) -> tuple[str, float]:
     if not SETTINGS.prismatic_range[0] <= fullness <= SETTINGS.prismatic_range[1]:
         return text, 1.0
     inertia = hull_inertia(known["m"], length, radius, fullness)
-    lines = (
-        f"# Added by seatrial import, for this file gave none: a homogeneous hull that displaces"
-        f" {100 * fullness:.0f} % of\n# its cylinder. The solid cylinder has {known['I_y']:.3g} kg m2. Weigh"
-        f" or swing the vehicle to know it.\nI_y = {inertia:.3g}\nI_z = {inertia:.3g}\n"
-    )
+    numbers = {
+        "percent": f"{100 * fullness:.0f}",
+        "solid": f"{known['I_y']:.3g}",
+        "inertia": f"{inertia:.3g}",
+    }
+    lines = "\n".join(draft("vehicle", "inertia", **numbers)) + "\n"
     return re.sub(r"(?m)^(\[coefficients\][^\n]*\n)", lambda table: table[1] + lines, text, count=1), fullness
 
 
@@ -173,71 +175,15 @@ def _stub(logs: Sequence[SurveyedLog], actuators: Mapping[str, str]) -> str:
     name = file_name(logs[0].path.name.partition(".")[0])
     fins = [actuator for actuator, unit in actuators.items() if unit in ("deg", "rad", "mrad")]
     thrusters = {actuator: unit for actuator, unit in actuators.items() if actuator not in fins}
-    lines = [
-        "# Drafted by seatrial import. Replace every FILL IN by a number that you measure: tape, scales, the",
-        "# maker's sheet. seatrial check names the first one that is left.",
-        "format = 1",
-        f'name = "{name}"',
-        'controllable = ["X", "N"] # axes that the actuators drive: add "Y", "Z", "K", "M" where they do',
-        "",
-        "[environment]",
-        "rho_kg_m3 = 1025.0 # sea; 1000 in fresh water",
-        "",
-        "[geometry]",
-        'length_m = "FILL IN: length of the hull, m"',
-        'diameter_m = "FILL IN: diameter or breadth of the hull, m"',
-        "design_speed_m_s = 1.0",
-        "",
-        "[coefficients]",
-        'm = "FILL IN: mass in air with the water inside, kg"',
-        'B = "FILL IN: buoyancy, N: m times 9.81 where it is trimmed neutral"',
-        'z_g = "FILL IN: how far the centre of gravity is below that of buoyancy, m: heel test"',
-    ]
-    kinds = {"us" if unit == "us" else "rpm" for unit in thrusters.values()}
-    if "us" in kinds:
-        lines += [
-            "",
-            "[motors.us]",
-            "maximum_ahead = 400.0 # us about neutral",
-            "",
-            "[characteristics.us]",
-            'kind = "table"',
-            "signal = [-400.0, -200.0, -28.0, 28.0, 200.0, 400.0] # us about neutral",
-            'voltage_v = "FILL IN: [voltages of the table, V]"',
-            'force_n = "FILL IN: [a row per voltage of the thrust in N at each signal]"',
-        ]
-    if "rpm" in kinds:
-        lines += [
-            "",
-            "[motors.rpm]",
-            "maximum_ahead = 1500.0 # rpm",
-            "",
-            "[characteristics.rpm]",
-            'kind = "quadratic"',
-            'p1_ahead = "FILL IN: thrust at rest over the square of rev/s, N s2; seatrial bench fits it"',
-        ]
-    lines += ["", "[motors.servo]", "maximum_ahead = 0.35 # rad"] if fins else []
-    for actuator, unit in thrusters.items():
-        kind = "us" if unit == "us" else "rpm"
-        lines += ["", "[[thrusters]]", f'name = "{actuator}"', f'command = "{kind}"']
-        lines += ["neutral = 1500.0"] if kind == "us" else []
-        lines += [
-            'position_m = "FILL IN: [forward, starboard, down] of O, m"',
-            'direction = "FILL IN: [forward, starboard, down] of its thrust at a positive command"',
-            f'motor = "{kind}"',
-            f'characteristic = "{kind}"',
-        ]
+    lines = draft("vehicle", "stub", name=name)
+    kinds = {actuator: "us" if unit == "us" else "rpm" for actuator, unit in thrusters.items()}
+    for kind in ("us", "rpm"):
+        lines += draft("vehicle", f"motor_{kind}") if kind in kinds.values() else []
+    lines += draft("vehicle", "servo") if fins else []
+    for actuator, kind in kinds.items():
+        lines += draft("vehicle", f"thruster_{kind}", name=actuator)
     for actuator in fins:
-        lines += [
-            "",
-            "[[fins]]",
-            f'name = "{actuator}"',
-            'position_m = "FILL IN: [forward, starboard, down] of O, m"',
-            'normal = "FILL IN: [forward, starboard, down] of its force at a positive angle under way"',
-            'area_m2 = "FILL IN: area of the blade, m2"',
-            'aspect_ratio = "FILL IN: span squared over area"',
-            'motor = "servo"',
-        ]
+        lines += draft("vehicle", "fin", name=actuator)
     return "\n".join(lines) + "\n"
 
 

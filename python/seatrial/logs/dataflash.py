@@ -31,7 +31,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
 from seatrial.logs.clock import Counter32
 from seatrial.logs.formats import extra
-from seatrial.logs.log import READING_SETTINGS, Chunk, Event, Log, Share
+from seatrial.logs.log import READING_SETTINGS, Chunk, Event, Log, Note, Share
 
 _CODES = {
     "b": "i1", "B": "u1", "M": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "q": "<i8", "Q": "<u8",
@@ -110,8 +110,8 @@ class _BinaryLog(Log):
         lengths = np.zeros(256, np.int64)
         for number, (length, kind) in forms.items():
             lengths[number] = length
-            if isinstance(kind, str):
-                self.note(kind)
+            if isinstance(kind, Note):
+                self.note(kind.kind, kind.subject, **kind.values)
         self._numbered = {n: kind for n, (_, kind) in forms.items() if isinstance(kind, _Type)}
         begins, numbers = _messages(self._raw, lengths, self._release)
         self._damaged = self._report_damage(begins, numbers, lengths)
@@ -137,7 +137,7 @@ class _BinaryLog(Log):
         if hasattr(mmap, "MADV_DONTNEED"):
             self.data.madvise(mmap.MADV_DONTNEED)
 
-    def _forms(self) -> Iterator[tuple[int, tuple[int, _Type | str]]]:
+    def _forms(self) -> Iterator[tuple[int, tuple[int, _Type | Note]]]:
         """Length and type (or why it is left out) by number, from the FMT messages."""
         for at in self._found(_HEADER + bytes([_FMT])):
             body = self.data[at + 3 : at + _FMT_BYTES]
@@ -153,15 +153,16 @@ class _BinaryLog(Log):
                 continue
             names = columns.split(",") if columns else []
             if len(names) != len(codes) or len(set(names)) != len(names) or not all(names):
-                yield number, (length, f"{name}: {len(codes)} values for {len(names)} columns; left out")
+                counts = {"values": len(codes), "columns": len(names)}
+                yield number, (length, Note.of("columns and values differ", name, **counts))
                 continue
             layout = np.dtype([(name, _CODES[code]) for name, code in zip(names, codes, strict=True)])
             if layout.itemsize + 3 != length:
-                stated = f"{name}: {layout.itemsize + 3} bytes expected, {length} stated; left out"
-                yield number, (length, stated)
+                sizes = {"expected": layout.itemsize + 3, "stated": length}
+                yield number, (length, Note.of("length differs", name, **sizes))
                 continue
-            counts = (n for n in _INSTANCES if n in names and codes[names.index(n)] in "bB")
-            instance = None if name in _NOT_COUNTED else next(counts, None)
+            counters = (n for n in _INSTANCES if n in names and codes[names.index(n)] in "bB")
+            instance = None if name in _NOT_COUNTED else next(counters, None)
             none = np.empty(0, np.int64)
             yield number, (length, _Type(name, layout, codes, ("",) * len(names), instance, none))
 
@@ -377,7 +378,7 @@ class _BinaryLog(Log):
             begun = tail[:2] == _HEADER[: len(tail)]
             cut = begun and (len(tail) < 3 or len(tail) < lengths[tail[2]])
             if cut:
-                self.note(f"cut off within its last message: its {len(tail)} bytes are left out")
+                self.note("cut within message", "message", bytes=len(tail))
             if cut or not tail.strip(b"\0") or not tail.strip(b"\xff"):  # a logger fills its last page
                 gaps, froms, tos = gaps[:-1], froms[:-1], tos[:-1]
         if not len(gaps):
@@ -385,20 +386,22 @@ class _BinaryLog(Log):
         widths = tos - froms
         longest = int(np.argmax(widths))
         worst = gaps[longest]
-        lost = int(widths.sum())
-        place = f"from byte {froms[longest]:,} on{self._when(begins[:worst], numbers[:worst])}"
-        if len(gaps) > 1:
-            place = f"in {len(gaps):,} places, the longest of {widths.max():,} bytes {place}"
         self.note(
-            f"{lost:,} of {size:,} bytes ({100.0 * lost / size:.2g} %) are no whole messages, {place}; they"
-            " were skipped, the others read"
+            "bytes lost",
+            lost=int(widths.sum()),
+            size=size,
+            records=False,
+            places=len(gaps),
+            longest=int(widths.max()),
+            byte=int(froms[longest]),
+            since_s=self._when(begins[:worst], numbers[:worst]),
         )
         heads = self._raw[np.minimum(froms[:, None] + np.arange(3), size - 1)]
         foreign = (heads[:, 0] == _HEADER[0]) & (heads[:, 1] == _HEADER[1]) & (lengths[heads[:, 2]] == 0)
         counts = np.bincount(heads[foreign, 2], minlength=256)
         if counts.max() > 2:  # else a damaged number
-            named = ", ".join(f"{number} ({counts[number]:,})" for number in np.flatnonzero(counts > 2))
-            self.note(f"messages of types without a format message, number (count): {named}; left out")
+            foreign_counts = {int(number): int(counts[number]) for number in np.flatnonzero(counts > 2)}
+            self.note("types without format", counts=foreign_counts)
         return True
 
     def _near_in_time(self, begins: Places, numbers: Bytes) -> np.ndarray[Any, np.dtype[np.bool_]]:
@@ -440,20 +443,20 @@ class _BinaryLog(Log):
                 t <= (most + slack)[part]
             )
         if not near.all():
-            self.note(f"{int((~near).sum()):,} messages are stamped unlike those around them; left out")
+            self.note("stamps astray", count=int((~near).sum()))
         kept = np.ones(len(begins), bool)
         kept[counted] = near
         return kept
 
-    def _when(self, begins: Places, numbers: Bytes) -> str:
-        """Time of the last of some messages, in brackets; nothing where none has one."""
+    def _when(self, begins: Places, numbers: Bytes) -> float:
+        """Time of the last of some messages since the start of the autopilot, s; NaN where none has one."""
         for at, number in zip(begins[:-20:-1].tolist(), numbers[:-20:-1].tolist(), strict=True):
             kind = self._numbered.get(number)
             if kind is not None:
                 t = self._stamps(kind, self._raw[at + 3 : at + 3 + kind.layout.itemsize].view(kind.layout))[0]
                 if np.isfinite(t):
-                    return f" ({t:.1f} s after the start of the autopilot)"
-        return ""
+                    return float(t)
+        return float("nan")
 
 
 _LATER_SUB_MODES = {20: "MOTOR_DETECT", 21: "SURFTRAK"}
@@ -492,11 +495,9 @@ class _TextLog(Log):
                     with contextlib.suppress(ValueError):
                         self.parameters[cells[2]] = float(cells[3])
         if odd:
-            self.note(
-                f"{odd:,} lines are no whole messages of a type with a format; left out or read in part"
-            )
+            self.note("lines of no type", count=odd)
         if not line.endswith("\n"):
-            self.note("cut off: its last line has no end, its last value may be cut short")
+            self.note("cut within line")
 
     @cached_property
     def fields(self) -> Mapping[str, Mapping[str, str]]:

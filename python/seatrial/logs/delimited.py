@@ -53,10 +53,10 @@ class Table(Log):
     def __post_init__(self) -> None:
         self.of_file.add(self.topic)
         if not self.layout.named:
-            self.remark("no row of names: the columns are called column_1, column_2, ...")
+            self.remark("no names")
         for name, places in self.layout.twice.items():
-            called = ", ".join(f'"{printable(self.layout.names[k - 1])}"' for k in places)
-            self.note(f"{shared_name(name, places)}; here they are called {called}: rename them in the file")
+            called = [self.layout.names[k - 1] for k in places]
+            self.note("names shared", name, places=places, called=called)
         if self.layout.unit_row:
             self.units_in = f"line {self.layout.unit_row}"
 
@@ -88,13 +88,7 @@ class Table(Log):
                 where, what = cells[0]
                 self.words[self.topic, name] = f'text, "{printable(what, 30)}" in line {where}'
             if cells and count[name] < row - self.layout.first_row:
-                many = (
-                    f"{count[name]} cells hold text, the first" if count[name] > 1 else "a cell holds text,"
-                )
-                self.note(
-                    f'column "{printable(name)}": {many} "{printable(what, 30)}" in line {where}; read as'
-                    " empty"
-                )
+                self.note("text cells", name, count=count[name], text=what, line=where)
 
     def _numbers(self, cells: pl.Series, row: int, text: list[tuple[int, str]], count: Counter[str]) -> Array:
         import polars as pl
@@ -131,10 +125,9 @@ class Table(Log):
         first = self.layout.names[0]
         values = self._numbers(head[first], 0, [], Counter())
         if len(values) > 2 and np.all(np.diff(values) > 0.0) and not _counts(values):
-            why = self.timeless or "no column is called time"
-            self.remark(f'{why}; taken: the first, "{printable(first)}", which rises')
+            self.remark("time taken", first, why=self.timeless)
             return TimeColumn(first, None, scale_of(first, units[first], values))
-        self.note(self.timeless or "no column is a time: name one in the map, or this file cannot be used")
+        self.note("no time", why=self.timeless)
         return None
 
     def cells(self, share: Share | None = None, rows: int | None = None) -> Iterator[pl.DataFrame]:
@@ -166,14 +159,9 @@ class Table(Log):
             if rest.strip():
                 yield from self._last(rest)
         if cut:
-            self.note(
-                f"{_lines(cut)} more than {len(self.layout.names)} cells, as a thousands separator makes"
-                " them: which cell was cut is not known; left out"
-            )
+            self.note("too many cells", count=cut, cells=len(self.layout.names))
         if short:
-            self.note(
-                f"{_lines(short)} fewer than {len(self.layout.names)} cells: the missing ones are empty"
-            )
+            self.note("too few cells", count=short, cells=len(self.layout.names))
 
     def _whole(self, text: str) -> tuple[str, int, int]:
         """The text without its lines of more cells than columns, how many these are, and how many have fewer.
@@ -202,7 +190,7 @@ class Table(Log):
             try:
                 data = raw.read(size)
             except DAMAGED as error:
-                self.note(f"its packing is cut short or damaged ({reason(error)}); what came before was read")
+                self.note("packing damaged", error=reason(error))
                 data = b""
             if data and not wide:
                 held = data.rstrip(b"\0")
@@ -211,10 +199,7 @@ class Table(Log):
                     continue
                 data, empty = (b"\0" if empty else b"") + held, len(data) - len(held)
             elif empty:
-                self.note(
-                    f"it ends with null bytes ({empty:,}), as a file that was given its size in advance and"
-                    " not filled; what comes before them was read"
-                )
+                self.note("null bytes", bytes=empty)
             text = decoder.decode(data, final=not data)
             if skipped:
                 lines = (before + text).split("\n", skipped)
@@ -231,7 +216,7 @@ class Table(Log):
         separator = self.layout.separator
         cells = cells_of(line, separator)
         if 1 < len(self.layout.names) > len(cells):
-            self.note("the last line is cut short; left out")
+            self.note("last line cut")
         else:
             yield self._table(line)
 
@@ -288,7 +273,7 @@ class _Time:
             self.last = float(np.nanmax(t))
             return t
         if scale.how:
-            table.remark(f'time "{printable(name)}": {scale.how}')
+            table.remark("scale of time", f'time "{printable(name)}"', how=scale.how)
         if scale.unix:
             table.epoch_s = 0.0
         values = self.counter.of(table._numbers(cells[name], 0, [], Counter()))
@@ -315,10 +300,6 @@ def shared_name(name: str, places: Sequence[int]) -> str:
     """
     *before, last = map(str, places)
     return f'columns {", ".join(before)} and {last} have one name, "{printable(name)}"'
-
-
-def _lines(count: int) -> str:
-    return "a line has" if count == 1 else f"{count:,} lines have"
 
 
 def _counts(values: Array) -> bool:

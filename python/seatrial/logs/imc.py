@@ -105,11 +105,7 @@ class _Lsf(Log):
             apart = behind.get((source, self._vehicle), 0.0)
             if abs(apart) > SETTINGS.apart_s:
                 self._moved[source] = apart
-                way = "behind" if apart > 0.0 else "ahead of"
-                self.remark(
-                    f"the clock of system {source} is {abs(apart):.1f} s {way} the vehicle's; its stamps"
-                    " are moved by their shortest delay"
-                )
+                self.remark("system clock", str(source), late_s=apart)
 
     def _mode(self, message: Any) -> None:
         text = str(getattr(message, "op_mode", "")).rpartition(".")[2]
@@ -157,7 +153,7 @@ class _Lsf(Log):
                 try:
                     block = stream.read(1 << 20)
                 except DAMAGED as error:
-                    self.note(f"its packing is cut short or damaged ({error}); what came before was read")
+                    self.note("packing damaged", error=str(error))
                     block = b""
                 data += block
                 advance(stream.tell() / size)
@@ -202,11 +198,11 @@ class _Lsf(Log):
         cut = cut or (len(data) if _order(data, 0) is not None else 0)
         skipped += len(data) - cut
         if cut:
-            self.note(f"cut off within its last packet: its {cut} bytes are left out")
+            self.note("cut within message", "packet", bytes=cut)
         if skipped:
-            self.note(f"{skipped:,} bytes are no whole packets; they were skipped, the others read")
+            self.note("no packets", bytes=skipped)
         if damaged or unknown:
-            self.note(f"{damaged} packets are damaged and {unknown} of unknown kind; the others were read")
+            self.note("packets damaged", damaged=damaged, unknown=unknown)
 
 
 def _order(data: bytes, begin: int) -> str | None:

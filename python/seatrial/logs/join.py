@@ -18,12 +18,11 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError, printable
 from seatrial.logs.clock import spread_bursts, strays
-from seatrial.logs.log import Log, Samples, Share
+from seatrial.logs.log import Log, Note, Samples, Share
 
 if TYPE_CHECKING:
     import polars as pl
 
-SPLIT = "split the file to use the others"
 """What to do about recordings that stand behind one another in a file."""
 
 
@@ -90,7 +89,7 @@ class Joined:
 
     table: pl.DataFrame
     epoch_s: float | None
-    notes: list[str] = field(default_factory=list)
+    notes: list[Note] = field(default_factory=list)
 
 
 def join(
@@ -112,7 +111,7 @@ def join(
     """
     import polars as pl
 
-    notes: list[str] = []
+    notes: list[Note] = []
     # Logs with dates meet on that clock, logs without on their own zero.
     epoch = _epoch(logs, notes)
     topics: dict[str, tuple[Log, list[Wanted]]] = {}
@@ -156,21 +155,15 @@ def _named(logs: Sequence[Log]) -> str:
     return ", ".join(log.path.name for log in logs)
 
 
-def _epoch(logs: Sequence[Log], notes: list[str]) -> float | None:
+def _epoch(logs: Sequence[Log], notes: list[Note]) -> float | None:
     """Unix time to which all logs are brought; None where not all have one."""
     known = [log.epoch_s for log in logs if log.epoch_s is not None]
     if len(known) == len(logs):
         return min(known)
     if known:
-        without = [log.path.name for log in logs if log.epoch_s is None]
-        notes.append(
-            f"{', '.join(without)}: no Unix time; taken to begin with the others': check, or give its clock"
-        )
+        without = ", ".join(log.path.name for log in logs if log.epoch_s is None)
+        notes.append(Note.of("no Unix time", without))
     return None
-
-
-def _times(count: int) -> str:
-    return "once" if count == 1 else f"{count} times"
 
 
 def _parts(t: Array) -> list[tuple[int, int]]:
@@ -197,7 +190,7 @@ def _listed(names: Sequence[str], most: int = 20) -> str:
 
 
 def _ordered(
-    topic: str, samples: Samples, columns: Sequence[Wanted], notes: list[str], log: Log
+    topic: str, samples: Samples, columns: Sequence[Wanted], notes: list[Note], log: Log
 ) -> tuple[Array, dict[str, Array]]:
     """Rising stamps of a topic and its columns."""
     t = samples.t
@@ -209,41 +202,41 @@ def _ordered(
         )
         raise TrialError(f"{log.path}: topic {topic}: no row has a time; {why}")
     if not known.all():
-        notes.append(f"{topic}: {int((~known).sum())} rows without a time left out")
+        notes.append(Note.of("rows without time", topic, rows=int((~known).sum())))
     # Single damaged stamps first: each would look like a restart of the clock.
     rows = np.flatnonzero(known)[strays(t[known])]
     if len(rows):
         known[rows] = False
-        notes.append(
-            f"{topic}: the stamps of {len(rows)} row{'s' if len(rows) > 1 else ''} are far from those around"
-            f" them, the first in row {rows[0] + 1:,} ({t[rows[0]]:.6g} s); left out"
-        )
+        first = {"row": int(rows[0]) + 1, "t_s": float(t[rows[0]])}
+        notes.append(Note.of("stamps far", topic, rows=len(rows), **first))
     parts = _parts(t[known])
     if len(parts) > 1:
         rows, again = np.flatnonzero(known), parts[1][0]
         begin, end = max(parts, key=lambda part: part[1] - part[0])
-        notes.append(
-            f"{topic}: time begins again {_times(len(parts) - 1)}, the first in row {rows[again] + 1:,}"
-            f" (from {t[rows[again - 1]]:.6g} to {t[rows[again]]:.6g} s), as in recordings one after another;"
-            f" taken: the longest, rows {rows[begin] + 1:,} to {rows[end - 1] + 1:,}; {SPLIT}"
+        restart = Note.of(
+            "time begins again",
+            topic,
+            times=len(parts) - 1,
+            row=int(rows[again]) + 1,
+            from_s=float(t[rows[again - 1]]),
+            to_s=float(t[rows[again]]),
+            taken=(int(rows[begin]) + 1, int(rows[end - 1]) + 1),
         )
+        notes.append(restart)
         known[: rows[begin]] = known[rows[end - 1] + 1 :] = False
     # Rows of one recording may be written out of order, as by several threads.
     order = np.flatnonzero(known)[np.argsort(t[known], kind="stable")]
     moved = int((np.diff(t[known]) < 0.0).sum())
     if moved:
-        notes.append(f"{topic}: time runs backwards {_times(moved)}; rows sorted")
+        notes.append(Note.of("time backwards", topic, times=moved))
     stamps = t[order]
     if (spread := spread_bursts(stamps)) is not None:
         stamps = spread.t
-        notes.append(
-            f"{topic}: samples came in {spread.bursts} bursts with nearly one stamp each; spread evenly,"
-            f" {spread.step_s:.3g} s apart"
-        )
+        notes.append(Note.of("bursts", topic, bursts=spread.bursts, step_s=spread.step_s))
     # Of rows with one stamp the last one is the newest.
     last = np.append(np.diff(stamps) > SETTINGS.equal_s / 2.0, True)
     if not last.all():
-        notes.append(f"{topic}: {int((~last).sum())} rows with the stamp of the next one left out")
+        notes.append(Note.of("equal stamps", topic, rows=int((~last).sum())))
     if np.count_nonzero(last) == 1:
         raise TrialError(
             f"{log.path}: topic {topic}: its rows with a time ({len(order):,}) all have the same one,"
@@ -260,7 +253,7 @@ def _ordered(
     return stamps[last], cells
 
 
-def _together(parts: Sequence[tuple[str, Array, dict[str, Array]]], notes: list[str]) -> None:
+def _together(parts: Sequence[tuple[str, Array, dict[str, Array]]], notes: list[Note]) -> None:
     """Note topics whose times hardly meet those of the others."""
     first, last = max(t[0] for _, t, _ in parts), min(t[-1] for _, t, _ in parts)
     if first >= last:
@@ -272,4 +265,4 @@ def _together(parts: Sequence[tuple[str, Array, dict[str, Array]]], notes: list[
     longest = max(t[-1] - t[0] for _, t, _ in parts)
     for topic, t, _ in parts:
         if t[-1] - t[0] < 0.5 * longest:
-            notes.append(f"{topic}: covers {t[-1] - t[0]:.4g} s of {longest:.4g} s")
+            notes.append(Note.of("short", topic, covered_s=float(t[-1] - t[0]), of_s=float(longest)))

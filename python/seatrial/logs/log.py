@@ -12,19 +12,21 @@ header promises, and reads a damaged file up to where it is damaged, with a note
 
 from __future__ import annotations
 
+import importlib
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.budget import Budget, guarded, size_of
 from seatrial.base.errors import TrialError, nearest, printable
+from seatrial.base.finding import Finding, Severity
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,18 @@ class Chunk(NamedTuple):
     topic: str
     t: Array
     values: Array
+
+
+class Note(Finding):
+    """What a reader left out or assumed; as text it is the words of `seatrial.report.results.log_notes`."""
+
+    @classmethod
+    def of(cls, kind: str, subject: str = "", **values: Any) -> Note:
+        """A note of a kind about a topic or column."""
+        return cls(kind, Severity.NOTE, subject, values)
+
+    def __str__(self) -> str:
+        return str(importlib.import_module("seatrial.report.results.log_notes").note(self))
 
 
 class Event(NamedTuple):
@@ -158,9 +172,9 @@ class Log(ABC):
     ----------
     path, format
         The file, and the name of its format.
-    notes
+    findings
         What could not be read and why; complete after everything was read once.
-    remarks
+    assumptions
         How something was read that the log does not state; nothing was lost by it.
     timeless
         Why no row has a time, and what to do; "" where the log has no column for it.
@@ -182,10 +196,10 @@ class Log(ABC):
 
     path: Path
     format: str
-    notes: list[str] = field(default_factory=list)
+    findings: list[Note] = field(default_factory=list)
     epoch_s: float | None = None
     parameters: dict[str, float] = field(default_factory=dict)
-    remarks: list[str] = field(default_factory=list)
+    assumptions: list[Note] = field(default_factory=list)
     timeless: str = ""
     units_in: str = ""
     words: dict[tuple[str, str], str] = field(default_factory=dict)
@@ -248,15 +262,28 @@ class Log(ABC):
         """What holds a block that reads the log to its budget, and makes one sentence of what it raises."""
         return reading(self.path, self.format, self.budget)
 
-    def note(self, text: str) -> None:
-        """Keep a note, once; of very many only the first."""
-        if len(self.notes) < READING_SETTINGS.most_notes and text not in self.notes:
-            self.notes.append(text)
+    @property
+    def notes(self) -> list[str]:
+        """The findings in words."""
+        return list(map(str, self.findings))
 
-    def remark(self, text: str) -> None:
-        """Keep a remark, once."""
-        if len(self.remarks) < READING_SETTINGS.most_notes and text not in self.remarks:
-            self.remarks.append(text)
+    @property
+    def remarks(self) -> list[str]:
+        """The assumptions in words."""
+        return list(map(str, self.assumptions))
+
+    def note(self, kind: str, subject: str = "", **values: Any) -> None:
+        """Keep a finding, once; of very many only the first."""
+        _keep(Note.of(kind, subject, **values), self.findings)
+
+    def remark(self, kind: str, subject: str = "", **values: Any) -> None:
+        """Keep an assumption, once."""
+        _keep(Note.of(kind, subject, **values), self.assumptions)
+
+
+def _keep(note: Note, notes: list[Note]) -> None:
+    if len(notes) < READING_SETTINGS.most_notes and note not in notes:
+        notes.append(note)
 
 
 class _Survey:

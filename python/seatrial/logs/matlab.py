@@ -25,7 +25,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.budget import Budget, claim
-from seatrial.base.errors import TrialError, printable
+from seatrial.base.errors import TrialError
 from seatrial.logs.clock import Counter32, TimeScale, rises, scale_of, time_fields
 from seatrial.logs.formats import extra
 from seatrial.logs.log import READING_SETTINGS, Chunk, Log, Share, stem_of
@@ -124,14 +124,14 @@ class _Matlab(Log):
                 self.of_file.add(topic)
             if time is None:
                 self._clocks[topic] = None
-                self.note(f"{topic}: no signal of its length is a time")
+                self.note("no signal of time", topic)
                 continue
             time = Counter32().of(time)
             scale = scale_of(names[0] if names else "time", "", time)
             if scale.unix:
                 self.epoch_s = 0.0
             if scale.how:
-                self.remark(f"{topic}: time: {scale.how}")
+                self.remark("scale of time", f"{topic}: time", how=scale.how)
             self._clocks[topic] = (time, scale)
 
 
@@ -155,7 +155,7 @@ def _walk_hdf(
             continue
         link = group.get(name, getlink=True)
         if not isinstance(link, h5py.HardLink):
-            log.note(f"{name}: a link to elsewhere, not followed")
+            log.note("link", name)
             continue
         value = group[name]
         inner = f"{structure}.{name}" if structure else name
@@ -166,7 +166,7 @@ def _walk_hdf(
             continue
         elif value.dtype.kind in "biuf" and value.ndim in (1, 2) and value.size >= SETTINGS.fewest_samples:
             if value.size * 8 > Budget().unpacked_of(path_size(value)):
-                log.note(f"{inner}: {value.size} values promised, more than the file can hold; left out")
+                log.note("promised too much", inner, count=value.size)
                 continue
             claim(value.size * (8 + value.dtype.itemsize))
             cells = np.asarray(value[()], float)
@@ -210,17 +210,14 @@ def arrays(path: Path, log: Log) -> Iterator[tuple[str, str, Array]]:
         try:
             element = _element(whole, at, order)
         except _Damaged:
-            log.note(
-                f"cut off within its last variable, {len(data) - at:,} bytes before the end of the file; what"
-                " is whole was read; save or copy the file again"
-            )
+            log.note("cut within variable", bytes=len(data) - at)
             # The rest of the file as an element: arrays of a structure that are whole are read.
             kind = int.from_bytes(data[at : at + 4], "little" if order == "<" else "big")
             element = _Element(kind, whole[at + 8 :], len(data))
         try:
             yield from _variable(element, order, log)
         except (_Damaged, zlib.error, struct.error) as error:
-            log.note(f"the variable at byte {at:,} is damaged ({error}); left out")
+            log.note("variable damaged", byte=at, error=str(error))
         at = element.end
 
 
@@ -279,7 +276,7 @@ def _matrix(
     name = bytes(called.content).decode("latin-1") if field is None else field
     inner = f"{structure}.{name}" if structure else name
     if kind in _OBJECTS:
-        log.note(f"{printable(inner)}: an object of MATLAB, not read; save its data as plain arrays")
+        log.note("object", inner)
     elif kind == _STRUCTURE and depth < SETTINGS.deepest and sizes == [1, 1]:
         length = _element(data, called.end, order)
         names = _element(data, length.end, order)

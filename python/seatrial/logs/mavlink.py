@@ -251,12 +251,9 @@ class _Telemetry(Log):
         size = self.path.stat().st_size
         lost = size - whole
         if places:
-            self.note(
-                f"{lost:,} of {size:,} bytes ({100.0 * lost / size:.2g} %) are no whole messages, in"
-                f" {places:,} {'places' if places > 1 else 'place'}; they were skipped, the others read"
-            )
+            self.note("bytes lost", lost=lost, size=size, records=False, places=places)
         elif lost > 0:
-            self.note(f"cut off within its last message: its {lost} bytes are left out")
+            self.note("cut within message", "message", bytes=lost)
 
     @property
     def fields(self) -> Mapping[str, Mapping[str, str]]:
@@ -303,11 +300,8 @@ class _Telemetry(Log):
             if abs(origin - first) > SETTINGS.reported_difference_s:
                 apart.setdefault((sender, round(origin - first, 1)), []).append(kind)
         for (sender, seconds), kinds in apart.items():
-            self.remark(
-                f"clock of component {sender[0]}.{sender[1]} ({', '.join(dict.fromkeys(kinds))}): it began"
-                f" {abs(seconds):,.1f} s {'after' if seconds > 0.0 else 'before'} that of the autopilot; its"
-                " stamps are put on the ground station's clock by their shortest delay"
-            )
+            component = f"{sender[0]}.{sender[1]}"
+            self.remark("component clock", component, kinds=list(dict.fromkeys(kinds)), began_s=seconds)
 
     def _messages(self) -> Iterator[tuple[Any, float]]:
         """Messages and the share of the file up to each."""
@@ -324,9 +318,7 @@ class _Telemetry(Log):
                 except TrialError:
                     raise
                 except Exception as error:  # a damaged frame may raise anything in pymavlink
-                    self.note(
-                        f"stopped at a damaged message ({type(error).__name__}); what came before was read"
-                    )
+                    self.note("stopped", "message", error=type(error).__name__)
                     return
                 if message is None:
                     return

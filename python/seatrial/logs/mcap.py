@@ -69,7 +69,7 @@ class _Mcap(Bag):
             elif isinstance(record, kinds.Message):
                 channel = self._channels.get(record.channel_id)
                 if channel is None:
-                    self.note("messages of a channel that nothing describes; left out")
+                    self.note("undescribed channel")
                     continue
                 if topics is not None and channel.topic not in topics:
                     continue
@@ -109,12 +109,9 @@ class _Mcap(Bag):
                 closed = kind == _FOOTER
                 at = end
         if lost:
-            self.note(
-                f"{lost:,} of {size:,} bytes ({100.0 * lost / size:.2g} %) are damaged, in {places:,} places,"
-                f" the first from byte {first:,} on; they were skipped, the others read"
-            )
+            self.note("bytes lost", lost=lost, size=size, records=True, places=places, byte=first)
         if not closed:
-            self.note(f"cut off: the last {size - at:,} bytes are no whole record; what is whole was read")
+            self.note("cut within record", bytes=size - at)
 
     def _unpacked(self, kind: int, content: bytes) -> tuple[list[Any], int]:
         """The schemas, channels and messages of a record, and how many of its bytes are damaged."""
@@ -153,16 +150,14 @@ class _Mcap(Bag):
             return json.loads
         if schema is None or schema.encoding not in ("ros2msg", "ros1msg"):
             what = schema.encoding if schema is not None else channel.message_encoding
-            self.note(f'{channel.topic}: messages encoded as "{what}", which is not read; left out')
+            self.note("unknown encoding", channel.topic, encoding=what)
             return None
         typesys = extra("rosbags.typesys", self.path)
         try:
             store = typesys.get_typestore(typesys.Stores.EMPTY)
             store.register(typesys.get_types_from_msg(schema.data.decode(), schema.name))
         except Exception as error:  # a damaged definition may raise anything in rosbags
-            self.note(
-                f"{channel.topic}: its message definition is damaged ({type(error).__name__}); left out"
-            )
+            self.note("definition damaged", channel.topic, error=type(error).__name__)
             return None
         kind = schema.name if schema.name.count("/") == 2 else schema.name.replace("/", "/msg/", 1)
         if channel.message_encoding == "ros1":

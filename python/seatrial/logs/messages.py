@@ -130,17 +130,10 @@ class Bag(Log):
             topics = [topic for topic, own in shortest.items() if round(own, 1) == late]
             named = ", ".join(printable(topic) for topic in topics)
             if 0.0 < late < SETTINGS.wrong_clock_s:
-                self.remark(
-                    f"{named}: the stamps are {late:g} s and more before the reception; taken as they are: if"
-                    " this is a clock that is wrong and no delay, correct the header stamps"
-                )
+                self.remark("late stamps", named, late_s=late)
                 continue
             self._moved |= {topic: shortest[topic] for topic in topics}
-            way = "behind" if late > 0.0 else "ahead of"
-            self.remark(
-                f"{named}: the clock of the sender is {abs(late):g} s {way} the recorder's; its stamps are"
-                " moved by their shortest delay"
-            )
+            self.remark("sender clock", named, late_s=late)
 
     @property
     def fields(self) -> Mapping[str, Mapping[str, str]]:
@@ -167,7 +160,7 @@ class Bag(Log):
         try:
             return dict(_flat("", message.decode(), 0))
         except Exception as error:  # a damaged message may raise anything in the decoder
-            self.note(f"{message.topic}: a message cannot be decoded ({type(error).__name__}); left out")
+            self.note("not decoded", message.topic, error=type(error).__name__)
             return None
 
 

@@ -68,9 +68,9 @@ class _Alog(Log):
         with self.path.open("rb") as stream:
             stream.seek(-1, 2)
             if stream.read(1) not in b"\r\n":
-                self.note("cut off: its last line has no end, its value may be cut short")
+                self.note("cut within line")
         if odd:
-            self.note(f"{odd} lines are no entries of an alog; the others were read")
+            self.note("lines of no entry", count=odd)
 
     @property
     def fields(self) -> Mapping[str, Mapping[str, str]]:

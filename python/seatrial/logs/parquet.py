@@ -81,10 +81,7 @@ class _Parquet(Log):
         """Columns of numbers, times, and text that may be either."""
         for name, kind in self._schema.items():
             if kind.is_nested():
-                self.note(
-                    f'column "{printable(name)}" is not read: expected a number in each cell, found'
-                    f" {printable(str(kind), 40)}; write a column for each number"
-                )
+                self.note("no numbers", name, found=str(kind))
         kept = {
             name: ""
             for name, kind in self._schema.items()
@@ -111,14 +108,14 @@ class _Parquet(Log):
         typed = [name for name in names if self._schema[name].is_temporal() and name not in candidates]
         candidates += typed
         if not candidates:
-            self.note("no column is a time: name one in the map, or this file cannot be used")
+            self.note("no time", why="")
             return None
         pair = [name for name in joined_names(dict.fromkeys(names, "")) or () if name not in candidates]
         head = self._part(0, min(2_000, self._height), [*candidates, *pair])
         column, why = time_column(dict.fromkeys(names, ""), candidates, head, _numbers, first_row=1)
         if column is None:
             self.timeless = why
-            self.note(why)
+            self.note("no time", why=why)
             return None
         if column.scale is None:
             dated = clock_times(head[column.name])
@@ -126,7 +123,7 @@ class _Parquet(Log):
         elif column.scale.unix:
             self.epoch_s = 0.0
         if column.scale is not None and column.scale.how:
-            self.remark(f'time "{column.name}": {column.scale.how}')
+            self.remark("scale of time", f'time "{column.name}"', how=column.scale.how)
         return column
 
     def _part(self, begin: int, count: int, names: Sequence[str]) -> pl.DataFrame:
@@ -138,7 +135,7 @@ class _Parquet(Log):
                 return self._frame.select(names).slice(begin, count).collect()
         except (pl.exceptions.PolarsError, OSError, pl.exceptions.PanicException) as error:
             if len(names) == 1:
-                self.note(f'column "{printable(names[0])}" is damaged ({first_line(error)}); read as empty')
+                self.note("column damaged", names[0], error=first_line(error))
                 return pl.DataFrame({names[0]: [None] * count}, schema={names[0]: pl.Float64})
         columns = [self._part(begin, count, [name]) for name in names]
         rows = min(column.height for column in columns)

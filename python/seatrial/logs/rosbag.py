@@ -87,7 +87,7 @@ class _Ros(Bag):
                     " `ros2 bag reindex`"
                 ) from None
             if bag.is2 and not any(connection.msgdef.data for connection in bag.connections):
-                self.remark("the bag has no message definitions; those of ROS 2 Humble were taken")
+                self.remark("no definitions")
             used = [c for c in bag.connections if topics is None or c.topic in topics]
             known = []
             for connection in used:
@@ -95,9 +95,7 @@ class _Ros(Bag):
                 if connection.msgtype in bag.typestore.fielddefs:
                     known.append(connection)
                 else:
-                    self.note(
-                        f"{connection.topic}: messages of the unknown type {connection.msgtype}; left out"
-                    )
+                    self.note("unknown type", connection.topic, type=connection.msgtype, error="")
             if not known:
                 return
             total, count = max(bag.message_count, 1), 0
@@ -108,9 +106,7 @@ class _Ros(Bag):
                 except StopIteration:
                     return
                 except Exception as error:  # a damaged chunk may raise anything in rosbags
-                    self.note(
-                        f"stopped at a damaged part ({type(error).__name__}); what came before was read"
-                    )
+                    self.note("stopped", "part", error=type(error).__name__)
                     return
                 count += 1
 
@@ -143,8 +139,6 @@ _MESSAGE, _CHUNK, _CONNECTION = 2, 5, 7  # opcodes of records, by the format
 _STAMPED = ("conn", "time")  # fields of a message, of four and eight bytes
 _LONGEST_HEADER, _LARGEST_CHUNK = 1 << 20, 1 << 28  # bytes: a recorder writes chunks of 768 KiB
 
-_NOTE = "has no index, as after a recorder that was cut off: read from the front, up to the damaged part"
-
 
 class _Damaged(Exception):
     """The records end here."""
@@ -158,7 +152,7 @@ def open_cut(path: Path) -> Bag | None:
         if file.readline(32) != _MAGIC:
             return None
     log = _Cut(path, "rosbag")
-    log.note(_NOTE)
+    log.note("no index")
     return learnt(log)
 
 
@@ -182,7 +176,7 @@ class _Cut(Bag):
                     inside = _unpacked(header, data) if _code(header) == _CHUNK else [record]
                     yield from self._told(inside, topics, file.tell() / size)
             except _Damaged as error:
-                self.note(f"stopped at a damaged part ({error}); what came before was read")
+                self.note("stopped", "part", error=str(error))
 
     def _told(self, records: Any, topics: set[str] | None, share: float) -> Iterator[Message]:
         for header, data in records:
@@ -217,7 +211,7 @@ class _Cut(Bag):
                 name: fields for name, fields in types.items() if name not in self._store.fielddefs
             })
         except Exception as error:  # a damaged definition may raise anything in rosbags
-            self.note(f"{topic}: messages of the unknown type {kind} ({type(error).__name__}); left out")
+            self.note("unknown type", topic, type=kind, error=type(error).__name__)
             return
         self._topics[number] = (topic, kind)
         self.kinds[topic] = kind

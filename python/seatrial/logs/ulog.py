@@ -80,12 +80,10 @@ class _ULog(Log):
         if walk.lost:
             size = self.path.stat().st_size
             self.note(
-                f"{walk.lost:,} of {size:,} bytes ({100.0 * walk.lost / size:.2g} %) are no whole messages,"
-                f" in {walk.places:,} places, the first from byte {walk.first:,} on; they were skipped, the"
-                " others read"
+                "bytes lost", lost=walk.lost, size=size, records=False, places=walk.places, byte=walk.first
             )
         if walk.cut:
-            self.note(f"cut off within its last message: its {walk.cut} bytes are left out")
+            self.note("cut within message", "message", bytes=walk.cut)
         # pyulog stops at the first damage: it reads a copy of the whole messages.
         self._copy = walk.copy()
         for group in self._groups(self._sizes):
@@ -93,7 +91,7 @@ class _ULog(Log):
             for data in whole.data_list:
                 names = [entry.field_name for entry in data.field_data]
                 if "timestamp" not in names:
-                    self.note(f"{_topic(data)}: its samples have no timestamp; left out")
+                    self.note("no timestamp", _topic(data))
                     continue
                 self._units[_topic(data)] = {
                     n: "" for n in names if n != "timestamp" and not n.startswith("_")
@@ -108,13 +106,12 @@ class _ULog(Log):
                         self.parameters[str(name)] = float(value)
                 origin = whole.msg_info_dict.get("time_ref_utc")
                 if isinstance(origin, int) and origin > 0:
-                    self.remark(f"clock: time zone offset {origin} s as logged, not applied")
+                    self.remark("time zone", offset_s=origin)
             if whole.file_corruption:
-                self.note("parts of the file are damaged; the others were read")
+                self.note("parts damaged")
             if whole.dropouts:
                 lost = sum(dropout.duration for dropout in whole.dropouts) * 1e-3
-                count = len(whole.dropouts)
-                self.note(f"{count} drop-out{'s' if count > 1 else ''} of the logger, {lost:.3g} s in all")
+                self.note("drop-outs", count=len(whole.dropouts), lost_s=lost)
             del whole
 
     @property

@@ -140,7 +140,7 @@ def align(
         if delay is None:
             at_end = compared is not None and compared.at_end and any(axis.moves for axis in compared.follows)
             searched: dict[str, Any] = {"searched_s": SETTINGS.largest_latency_s} if at_end else {}
-            report.info("latency not estimated", name, **searched)
+            report.info("latency unclear", name, **searched)
         elif delay.trusted:
             report.latencies[name] = delay.seconds
             report.info("latency removed", name, delay_s=delay.seconds, sd_s=delay.deviation)

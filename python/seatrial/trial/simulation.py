@@ -14,7 +14,8 @@ import numpy as np
 
 from seatrial._core import State
 from seatrial.base.errors import DivergenceError, TrialError, nearest
-from seatrial.base.report import Report, Section, Table
+from seatrial.base.finding import Finding, Severity
+from seatrial.base.report import Report, report_of
 from seatrial.sensors.log import Surroundings, finer, linear, measure, times
 from seatrial.sensors.log import held as rows_held
 from seatrial.trial.columns import GROUPS
@@ -29,8 +30,6 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.sensors.sensor import Sensor
     from seatrial.trial.trial import Trial
-
-_DECIMALS = {"s": 1, "m": 2, "m/s": 3, "deg": 1}
 
 
 @dataclass(frozen=True)
@@ -126,29 +125,19 @@ class SimulatedTrial:
             "last heading, deg": float(angles[-1, 2]),
         }
 
+    def findings(self) -> list[Finding]:
+        """Commands beyond their limits, and what the run or its log does not show."""
+        findings = _clipped(self.vehicle, self.trial)
+        rise = -float(np.asarray(self.run.position)[:, 2].min())
+        if rise > SETTINGS.rise_m and self.trial.surface is None:
+            findings.append(Finding("leaves the water", Severity.WEAKNESS, values={"rise_m": rise}))
+        if self.held and self.sensors and "load_cell" not in self.sensors:
+            findings.append(Finding("no load cell", Severity.WEAKNESS))
+        return findings
+
     def report(self, title: str, next_step: str) -> Report:
         """Three lines and a table of a simulated run."""
-        summary = self.summary()
-        problems = _clipped(self.vehicle, self.trial)
-        rise = -summary["smallest depth, m"]
-        if rise > SETTINGS.rise_m and self.trial.surface is None:
-            problems.append(
-                f"the vehicle rises {rise:.2f} m above the surface, of which the run knows nothing; state it"
-                " (--surface 0), or start deeper, with a column z_m"
-            )
-        if self.held and self.sensors and "load_cell" not in self.sensors:
-            problems.append("the pull of the tied vehicle is not in the log: these sensors have no load_cell")
-        worst = "; ".join(problems) or "nothing stands out: the run is finite and stays below the surface"
-        rows = [(name, _cell(name, value)) for name, value in summary.items()]
-        return Report(
-            title=title,
-            outcome="simulated",
-            good=f"{summary['distance, m']:.1f} m in {summary['duration, s']:.1f} s, largest speed"
-            f" {summary['largest speed, m/s']:.3f} m/s",
-            worst=worst,
-            next_step=next_step,
-            sections=(Section(tables=(Table.of("Whole run", ("quantity", "value"), rows),)),),
-        )
+        return report_of(self, title=title, next_step=next_step)
 
 
 def _check(vehicle: Vehicle, trial: Trial, held: bool, current: tuple[float, float, float] | None) -> None:
@@ -179,7 +168,7 @@ def _check(vehicle: Vehicle, trial: Trial, held: bool, current: tuple[float, flo
         raise TrialError(f"--current: expected three numbers in m/s, found {current}")
 
 
-def _clipped(vehicle: Vehicle, trial: Trial) -> list[str]:
+def _clipped(vehicle: Vehicle, trial: Trial) -> list[Finding]:
     """That commands are beyond what their actuators take, of the worst one; empty where all are within."""
     facts = vehicle.actuator_info()
     excesses = []
@@ -195,31 +184,17 @@ def _clipped(vehicle: Vehicle, trial: Trial) -> list[str]:
     if not excesses:
         return []
     share, name, largest, limit_there = max(excesses)
-    unit, others = str(facts[name]["unit"]), [other for _, other, *_ in excesses if other != name]
-    neutral = float(facts[name]["neutral"])
-    at = f" about {neutral:g}" if neutral else ""
-    words = (
-        f"{100.0 * share:.0f} % of the commands of {name} are beyond its limit of {limit_there:g} {unit}{at}"
-    )
-    words += f" and are held there, the largest is {neutral + largest:g} {unit}"
-    words += _other_unit(unit, largest, limit_there)
-    return [words + (f"; so are commands of {', '.join(others)}" if others else "")]
-
-
-def _other_unit(unit: str, largest: float, limit: float) -> str:
-    """Which unit a command may be in that no actuator of this one takes."""
-    if unit == "rad" and abs(largest) > SETTINGS.no_angle_rad:
-        return ": are these degrees?"
-    if unit == "N" and abs(largest) > SETTINGS.no_force * limit:
-        return ": are these revolutions per minute?"
-    return ""
+    values = {
+        "share": share,
+        "largest": largest,
+        "limit": limit_there,
+        "neutral": float(facts[name]["neutral"]),
+        "unit": str(facts[name]["unit"]),
+        "others": [other for _, other, *_ in excesses if other != name],
+    }
+    return [Finding("commands clipped", Severity.WEAKNESS, name, values)]
 
 
 def _start(trial: Trial) -> State:
     """State of the first sample; zero where it was not recorded."""
     return State(trial.position[0], trial.attitude[0], trial.nu[0])
-
-
-def _cell(name: str, value: float) -> str:
-    """A quantity of the summary with the decimals that its unit deserves; no minus before zero."""
-    return f"{round(value, _DECIMALS[name.rsplit(', ', 1)[1]]) + 0.0:.{_DECIMALS[name.rsplit(', ', 1)[1]]}f}"

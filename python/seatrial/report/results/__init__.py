@@ -28,6 +28,8 @@ WRITERS = {
     "MissionCheck": "check_file",
     "Plan": "plan",
     "RareFailures": "surveys",
+    "SimulatedTrial": "simulation",
+    "Survey": "imported",
     "Tuning": "tuning",
     "VehicleCheck": "check_file",
     "Verification": "verification",

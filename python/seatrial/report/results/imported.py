@@ -1,10 +1,11 @@
-"""The words of an import: trials that were cut, channels found and missing, what was left out."""
+"""The words of a survey and of an import: fields, trials that were cut, channels found, what was left out."""
 
 from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import singledispatch
 
 from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import printable
@@ -12,8 +13,8 @@ from seatrial.base.finding import Severity
 from seatrial.base.report import Report, Section, Table, words_of
 from seatrial.inspect.consistency_trials import proposals
 from seatrial.intake.imported import Imported, ImportedTrial
+from seatrial.intake.survey import Survey, chosen
 from seatrial.intake.vehicle_draft import opposed
-from seatrial.logs.join import SPLIT
 
 _SHOWN = 10  # problems; the others are details
 
@@ -22,7 +23,14 @@ _NAMED = 4  # fields of a log that are not used
 _SHORTEST_S = 10.0  # a segment of a stage, unless the campaign says otherwise
 
 
-def report(made: Imported) -> Report:
+@singledispatch
+def report(result: object) -> Report:
+    """Report of an import, or of a survey of logs."""
+    raise TypeError(f"expected an import or a survey, found {type(result).__name__}")
+
+
+@report.register
+def _imported(made: Imported) -> Report:
     """Three lines, columns, trials, doubts and what is missing; every field as a detail."""
     problems = list(dict.fromkeys(_problems(made)))
     seconds = sum(float(imported.trial.t[-1] - imported.trial.t[0]) for imported in made.trials)
@@ -54,11 +62,11 @@ def report(made: Imported) -> Report:
             ),
             Section("Missing, and what that costs", tuple(_missing(made))),
             Section("Look at this, too", tuple(problems[_SHOWN:]), details=True),
-            Section("Every field", tables=(made.survey.table(),), details=True),
+            Section("Every field", tables=(_fields(made.survey),), details=True),
             *(
                 Section(
                     f"Trial {imported.name}",
-                    (*imported.notes, *str(imported.trial.report).splitlines()),
+                    (*map(str, imported.notes), *str(imported.trial.report).splitlines()),
                     details=True,
                 )
                 for imported in made.trials
@@ -77,7 +85,7 @@ def _left_out(made: Imported) -> list[str]:
         f"trial {imported.name}: {note}"
         for imported in made.trials
         for note in imported.notes
-        if SPLIT in note
+        if note.kind == "time begins again"
     ]
 
 
@@ -164,7 +172,7 @@ def _problems(made: Imported) -> Iterator[str]:
             )
             yield from (f"trial {imported.name}: {unused}" for unused in _unused(made, imported))
         known = [f"{log.path.name}: {note}" for log in made.survey.logs for note in log.notes]
-        yield from (f"trial {imported.name}: {note}" for note in imported.notes if note not in known)
+        yield from (f"trial {imported.name}: {note}" for note in imported.notes if str(note) not in known)
     for log in made.survey.logs:
         yield from (f"{printable(log.path.name)}: {remark}" for remark in log.remarks)
     if made.kept:
@@ -304,3 +312,54 @@ def _missing(made: Imported) -> Iterator[str]:
             missing.setdefault(sentence, []).append(imported.name)
     for sentence, names in missing.items():
         yield sentence if len(names) == len(made.trials) else f"trial {', '.join(names)}: {sentence}"
+
+
+@report.register
+def _survey(survey: Survey) -> Report:
+    """What the logs hold, what could not be read, and the command that goes on."""
+    fields = sum(len(topic.fields) for log in survey.logs for topic in log.topics)
+    topics = sum(len(log.topics) for log in survey.logs)
+    taken = [canonical for log in survey.logs for canonical in chosen(log)]
+    notes = [f"{printable(log.path.name)}: {note}" for log in survey.logs for note in log.notes]
+    odd = [f"{printable(log.path.name)}: {log.not_underwater}" for log in survey.logs if log.not_underwater]
+    worst = [
+        *(f"{reason}: this is no underwater vehicle" for reason in odd),
+        *notes,
+        *survey.lost([log.path.name for log in survey.logs]),
+        *([] if taken else ["no field is recognised; write a map with [columns] by hand"]),
+    ]
+    remarks = [f"{printable(log.path.name)}: {remark}" for log in survey.logs for remark in log.remarks]
+    names = " ".join(printable(str(log.path), 200) for log in survey.logs)
+    return Report(
+        title=", ".join(printable(log.path.name) for log in survey.logs),
+        outcome="surveyed",
+        good=f"{topics} topics with {fields} fields; {len(taken)} are taken for columns of a trial",
+        worst=worst[0] if worst else "nothing; all of it was read",
+        next_step=f"seatrial import {names} --out PROJECT",
+        sections=(Section(sentences=(*worst[1:], *remarks), tables=(_fields(survey),)),),
+    )
+
+
+def _fields(survey: Survey) -> Table:
+    """Every field: topic, field, rate, range, unit, what it is taken for."""
+    several = len(survey.logs) > 1
+    rows = []
+    for row in survey.rows():
+        guess = row["taken_for"] or (f"({row['could_be']})" if row["could_be"] else "")
+        rows.append((
+            printable(row["file"], 24) if several else "",
+            printable(row["topic"], 28),
+            printable(row["field"], 24),
+            _number(row["rate_hz"]),
+            _number(row["minimum"]),
+            _number(row["maximum"]),
+            printable(row["unit"], 10),
+            printable(guess, 20),
+        ))
+    head = ("file", "topic", "field", "Hz", "least", "most", "unit", "taken for")
+    note = "(in brackets): could be that, but another field is better or it never changes"
+    return Table.of("Fields", head, rows, left=3, note=note)
+
+
+def _number(x: float) -> str:
+    return f"{x:.4g}" if x == x else ""

@@ -195,8 +195,6 @@ def convention(finding: Mapping[str, Any]) -> str:
 
 
 def _no_latency(finding: RecordingFinding) -> str:
-    if "interval_s" in finding.values:
-        return f"latency not estimated: a position every {finding['interval_s']:.2g} s is too slow for it"
     if "searched_s" in finding.values:
         return (
             "latency not estimated: what fits best lies at the end of the range of +/-"
@@ -409,7 +407,10 @@ _MESSAGES: dict[str, Callable[[RecordingFinding], str]] = {
     # Sensors against the pose.
     "attitude convention": lambda f: f"{convention(f.values)}; left as recorded",
     "frame tilted": _tilt,
-    "latency not estimated": _no_latency,
+    "latency not estimated": lambda f: (
+        f"latency not estimated: a position every {f['interval_s']:.2g} s is too slow for it"
+    ),
+    "latency unclear": _no_latency,
     "latency removed": _latency_removed,
     "latency uncertain": _latency_uncertain,
     "not following": lambda f: f"does not follow the recorded pose ({f['follows']}); check the column map",
@@ -431,7 +432,10 @@ _MESSAGES: dict[str, Callable[[RecordingFinding], str]] = {
         f"lever arm ignored: moving the sensor to O needs the {f['needed']}, not recorded"
     ),
     "not recorded": lambda f: f"not recorded: {' '.join(f['channels'])}",
-    "derived": lambda f: f"derived from {' and '.join(f['origin'])} by smoothing differentiation",
+    "derived": lambda f: (
+        f"derived from {'the attitude' if f['origin'] == ('attitude',) else 'position and attitude'} by"
+        " smoothing differentiation"
+    ),
     "current derived": _current,
     "current not derived": lambda f: (
         "not derived: too few samples have both velocity over ground and velocity through the water"
