@@ -74,40 +74,20 @@ _LIFT = ("uv", "ur", "uw", "uq", "ud")
 
 @dataclass(frozen=True)
 class DraftedTrial:
-    """A trial of the drafted campaign.
+    """A trial of the drafted campaign."""
 
-    Attributes
-    ----------
-    name, file
-        Its name and its file relative to the campaign.
-    trial
-        As read.
-    columns
-        Column map of its file.
-    hold_out_s
-        Proposed hold-out (start, stop), s; None for none.
-    why
-        Why that part.
-    input
-        "commands" or "tau".
-    rate_hz
-        Rate of a recording with very many samples; None for its own.
-    corrections
-        Proposed by the consistency check, none applied.
-    current
-        A slow current that it proposes; None for none.
-    """
-
+    #: Its name and its file relative to the campaign.
     name: str
     file: str
-    trial: Trial
-    columns: Mapping[str, Mapping[str, Any]]
-    hold_out_s: tuple[float, float] | None
-    why: str
-    input: str
-    rate_hz: float | None = None
+    trial: Trial  #: As read.
+    columns: Mapping[str, Mapping[str, Any]]  #: Column map of its file.
+    hold_out_s: tuple[float, float] | None  #: Proposed hold-out (start, stop), s; None for none.
+    why: str  #: Why that part.
+    input: str  #: "commands" or "tau".
+    rate_hz: float | None = None  #: Rate of a recording with very many samples; None for its own.
+    #: Proposed by the consistency check, none applied.
     corrections: tuple[Correction, ...] = field(default=())
-    current: SlowCurrent | None = None
+    current: SlowCurrent | None = None  #: A slow current that it proposes; None for none.
 
 
 def draft(file: str, part: str, **names: str) -> list[str]:

@@ -39,42 +39,18 @@ from seatrial.trial.trial import Trial
 
 @dataclass(frozen=True, eq=False)
 class ImportedTrial:
-    """A trial of the project.
+    """A trial of the project."""
 
-    Attributes
-    ----------
-    name
-        Its name in the campaign.
-    trial
-        As read from its file with the column map.
-    hold_out_s
-        Proposed part to hold out (start, stop), s; None for none.
-    why
-        Why that part.
-    modes
-        Changes of mode: time in s and name.
-    consistency
-        Whether its channels tell one motion.
-    kind
-        What was done in it and what spoils it.
-    notes
-        What the readers and the join did or could not do.
-    absent
-        Columns of the map whose field its logs have not.
-    logs
-        Names of its logs.
-    """
-
-    name: str
-    trial: Trial
-    hold_out_s: tuple[float, float] | None
-    why: str
-    modes: tuple[tuple[float, str], ...]
-    consistency: Consistency
-    kind: KindOfData
-    notes: tuple[Note, ...]
-    absent: tuple[str, ...]
-    logs: tuple[str, ...]
+    name: str  #: Its name in the campaign.
+    trial: Trial  #: As read from its file with the column map.
+    hold_out_s: tuple[float, float] | None  #: Proposed part to hold out (start, stop), s; None for none.
+    why: str  #: Why that part.
+    modes: tuple[tuple[float, str], ...]  #: Changes of mode: time in s and name.
+    consistency: Consistency  #: Whether its channels tell one motion.
+    kind: KindOfData  #: What was done in it and what spoils it.
+    notes: tuple[Note, ...]  #: What the readers and the join did or could not do.
+    absent: tuple[str, ...]  #: Columns of the map whose field its logs have not.
+    logs: tuple[str, ...]  #: Names of its logs.
 
 
 @dataclass(frozen=True, eq=False, repr=False)

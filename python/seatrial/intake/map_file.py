@@ -34,29 +34,16 @@ CONVERSIONS = {
 
 @dataclass(frozen=True)
 class Column(Plain, only="from=source unit frame sign convert why certain"):
-    """One column of a trial: the field it comes from, as a column map states it, and how sure that is.
+    """One column of a trial: the field it comes from, as a column map states it, and how sure that is."""
 
-    Attributes
-    ----------
-    source
-        ``topic.field`` or ``topic.field/other``.
-    unit, frame, sign
-        As in a column map; "" and 1 for those of the canonical column.
-    convert
-        A key of `CONVERSIONS`; "" for none.
-    why
-        What it was told from.
-    certain
-        Whether the log documents it.
-    """
-
-    source: str
+    source: str  #: ``topic.field`` or ``topic.field/other``.
+    #: As in a column map; "" and 1 for those of the canonical column.
     unit: str = ""
     frame: str = ""
     sign: int = 1
-    convert: str = ""
-    why: str = ""
-    certain: bool = True
+    convert: str = ""  #: A key of `CONVERSIONS`; "" for none.
+    why: str = ""  #: What it was told from.
+    certain: bool = True  #: Whether the log documents it.
 
     def entry(self, name: str) -> dict[str, Any]:
         """Entry of a campaign's column map for the column `name` of a recording."""

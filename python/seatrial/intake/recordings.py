@@ -77,30 +77,15 @@ class Recording:
 
 @dataclass(frozen=True)
 class Recorded:
-    """A recording as a table.
+    """A recording as a table."""
 
-    Attributes
-    ----------
-    table
-        Rows of all stamps, ``t_s`` and the columns of the log.
-    columns
-        Column map of a campaign for it; columns with canonical names need no entry.
-    clocks
-        By canonical column, the file whose clock stamped it.
-    absent
-        Canonical columns whose field this recording has not.
-    notes
-        What the readers, the join and the conversions did or could not do.
-    events
-        Changes of mode on the table's clock: time in s and name.
-    """
-
-    table: pl.DataFrame
+    table: pl.DataFrame  #: Rows of all stamps, ``t_s`` and the columns of the log.
+    #: Column map of a campaign for it; columns with canonical names need no entry.
     columns: dict[str, dict[str, Any]]
-    clocks: dict[str, str]
-    absent: tuple[str, ...]
-    notes: tuple[Note, ...]
-    events: tuple[tuple[float, str], ...]
+    clocks: dict[str, str]  #: By canonical column, the file whose clock stamped it.
+    absent: tuple[str, ...]  #: Canonical columns whose field this recording has not.
+    notes: tuple[Note, ...]  #: What the readers, the join and the conversions did or could not do.
+    events: tuple[tuple[float, str], ...]  #: Changes of mode on the table's clock: time in s and name.
 
 
 def recordings(logs: Sequence[SurveyedLog], given: Mapping[str, MapTrial] | None = None) -> list[Recording]:

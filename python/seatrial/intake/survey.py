@@ -153,40 +153,19 @@ class Unused(NamedTuple):
 
 @dataclass(frozen=True)
 class SurveyedLog:
-    """One log: what its topics hold, what its fields may be, what it says besides.
+    """One log: what its topics hold, what its fields may be, what it says besides."""
 
-    Attributes
-    ----------
-    path, format
-        The file and its format (`seatrial.logs.formats`).
-    topics
-        With samples; stamps in s of the log's own clock.
-    proposals
-        For all fields, the better one of each canonical column first.
-    notes
-        What could not be read.
-    remarks
-        How something was read that the log does not state.
-    events
-        Changes of mode and messages.
-    parameters
-        Of the vehicle, by name.
-    epoch_s
-        Unix time of the log's time zero, s; None where it does not say.
-    unused
-        Fields that hold too few numbers.
-    """
-
+    #: The file and its format (`seatrial.logs.formats`).
     path: Path
     format: str
-    topics: tuple[Topic, ...]
-    proposals: tuple[Proposal, ...]
-    notes: tuple[str, ...]
-    remarks: tuple[str, ...]
-    events: tuple[Event, ...]
-    parameters: Mapping[str, float]
-    epoch_s: float | None
-    unused: tuple[Unused, ...] = ()
+    topics: tuple[Topic, ...]  #: With samples; stamps in s of the log's own clock.
+    proposals: tuple[Proposal, ...]  #: For all fields, the better one of each canonical column first.
+    notes: tuple[str, ...]  #: What could not be read.
+    remarks: tuple[str, ...]  #: How something was read that the log does not state.
+    events: tuple[Event, ...]  #: Changes of mode and messages.
+    parameters: Mapping[str, float]  #: Of the vehicle, by name.
+    epoch_s: float | None  #: Unix time of the log's time zero, s; None where it does not say.
+    unused: tuple[Unused, ...] = ()  #: Fields that hold too few numbers.
 
     def field(self, proposal: Proposal) -> tuple[Topic, Field]:
         """Topic and field of a proposal."""
@@ -317,12 +296,8 @@ def importing(paths: Iterable[str | Path]) -> AbstractContextManager[None]:
 def survey(paths: Iterable[str | Path], *, share: Callable[[float, str], None] | None = None) -> Survey:
     """Survey of some logs: a pass over each.
 
-    Parameters
-    ----------
-    paths
-        Files; a folder of a ROS 2 bag counts as one.
-    share
-        Called with the share of all files that is done, and the name of the file.
+    `paths`: files; a folder of a ROS 2 bag counts as one. `share`: called with the share of all files that is
+    done, and the name of the file.
     """
     files = [Path(path) for path in paths]
     if not files:

@@ -59,24 +59,12 @@ SETTINGS = VehicleDraftSettings()
 
 @dataclass(frozen=True)
 class VehicleDraft:
-    """Text of a vehicle file, the vehicle where it is complete, and where it comes from.
+    """Text of a vehicle file, the vehicle where it is complete, and where it comes from."""
 
-    Attributes
-    ----------
-    text
-        TOML.
-    vehicle
-        None for a stub that the user must fill in.
-    source
-        Words: "built-in bluerov2-heavy, by FRAME_CONFIG = 2", "the file x.toml", "a stub".
-    certain
-        Whether the log or the user says so.
-    """
-
-    text: str
-    vehicle: Vehicle | None
-    source: str
-    certain: bool = True
+    text: str  #: TOML.
+    vehicle: Vehicle | None  #: None for a stub that the user must fill in.
+    source: str  #: Words: "built-in bluerov2-heavy, by FRAME_CONFIG = 2", "the file x.toml", "a stub".
+    certain: bool = True  #: Whether the log or the user says so.
 
 
 def draft_vehicle(

@@ -82,24 +82,13 @@ _HEADER = re.compile(r"(^|.*[./_])header[./_](time)?stamp$", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class TimeScale:
-    """How the numbers of a time column become seconds: ``(value - origin) * factor``.
+    """How the numbers of a time column become seconds: ``(value - origin) * factor``."""
 
-    Attributes
-    ----------
-    factor
-        s per unit of the column.
-    origin
-        Its number at the Unix epoch, in its unit; 0 for Unix times and for times since some start.
-    unix
-        Whether the result is Unix time.
-    how
-        What was taken for what, for a note; "" where the log states it.
-    """
-
-    factor: float
+    factor: float  #: s per unit of the column.
+    #: Its number at the Unix epoch, in its unit; 0 for Unix times and for times since some start.
     origin: float = 0.0
-    unix: bool = False
-    how: str = ""
+    unix: bool = False  #: Whether the result is Unix time.
+    how: str = ""  #: What was taken for what, for a note; "" where the log states it.
 
 
 def is_time(name: str) -> bool:
@@ -287,10 +276,7 @@ def seconds(cells: pl.Series) -> tuple[Array, bool] | None:
     A zone behind a time (``Z``, ``UTC``, ``+02``, ``+0200``, ``+02:00``) is subtracted; a date without one is
     taken for UTC.
 
-    Returns
-    -------
-    tuple or None
-        Shape (n,), NaN where a cell is neither; None where hardly any cell is.
+    Shape (n,), NaN where a cell is neither; None where hardly any cell is.
 
     Examples
     --------
@@ -393,18 +379,9 @@ def time_column(
 ) -> tuple[TimeColumn | None, str]:
     """The time among some columns, and why the likeliest one is none.
 
-    Parameters
-    ----------
-    units
-        By column, "" where none is stated.
-    candidates
-        Columns that may be the time, the likeliest first.
-    head
-        First rows of the table.
-    numbers
-        Numbers of a column's cells.
-    first_row
-        Line of the first row, for the reason.
+    `units`: by column, "" where none is stated. `candidates`: columns that may be the time, the likeliest
+    first. `head`: first rows of the table. `numbers`: numbers of a column's cells. `first_row`: line of the
+    first row, for the reason.
     """
     why = ""
     records = [name for name in candidates if not is_header_stamp(name)]

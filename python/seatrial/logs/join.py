@@ -100,14 +100,8 @@ def join(
 ) -> Joined:
     """Columns `wanted` of some logs as one table with the times `t_s` from the first sample on.
 
-    Parameters
-    ----------
-    logs
-        A topic is looked for in the order of the logs.
-    wanted
-        Columns.
-    clocks
-        Clock by file name, for logs whose clock is not that of the first.
+    `logs`: a topic is looked for in the order of the logs. `wanted`: columns. `clocks`: clock by file name,
+    for logs whose clock is not that of the first.
     """
     import polars as pl
 

@@ -43,42 +43,24 @@ GROUPED = r"^[+-]?\d{1,3}(,\d{3})+(\.\d*)?$"  # a number with thousands separato
 
 @dataclass(frozen=True)
 class Layout:
-    """How a table of text is laid out.
+    """How a table of text is laid out."""
 
-    Attributes
-    ----------
-    encoding, separator
-        Of the text; the separator " " stands for runs of blanks.
-    decimal_comma, thousands
-        Whether ``1,5`` is one and a half, and whether ``1,150`` is over a thousand.
-    comment
-        First character of lines to skip; "" for none.
-    first_row
-        Line of the first row of values, from 1.
-    names, units
-        Of the columns; a unit is "" where none is stated.
-    named
-        Whether the file has a row of names.
-    plain
-        Whether the row of names is the first, and the values follow it.
-    twice
-        Places, from 1, of the columns that share a name; all but the first of them are numbered in `names`.
-    unit_row
-        Line of the row of units, from 1; 0 where there is none.
-    """
-
+    #: Of the text; the separator " " stands for runs of blanks.
     encoding: str
     separator: str
+    #: Whether ``1,5`` is one and a half, and whether ``1,150`` is over a thousand.
     decimal_comma: bool
-    comment: str
-    first_row: int
+    comment: str  #: First character of lines to skip; "" for none.
+    first_row: int  #: Line of the first row of values, from 1.
+    #: Of the columns; a unit is "" where none is stated.
     names: tuple[str, ...]
     units: tuple[str, ...]
-    named: bool
-    plain: bool
+    named: bool  #: Whether the file has a row of names.
+    plain: bool  #: Whether the row of names is the first, and the values follow it.
+    #: Places, from 1, of the columns that share a name; all but the first of them are numbered in `names`.
     twice: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     thousands: bool = False
-    unit_row: int = 0
+    unit_row: int = 0  #: Line of the row of units, from 1; 0 where there is none.
 
 
 def encoding_of(path: Path) -> str:

@@ -50,21 +50,11 @@ Share = Callable[[float], None]
 
 
 class Chunk(NamedTuple):
-    """Samples of one topic in the order of the file.
+    """Samples of one topic in the order of the file."""
 
-    Attributes
-    ----------
-    topic
-        Its name.
-    t
-        Stamps in s, shape (n,), in the log's own clock; NaN where a row has none.
-    values
-        The fields asked for, shape (n, k); NaN where a cell is empty or no number.
-    """
-
-    topic: str
-    t: Array
-    values: Array
+    topic: str  #: Its name.
+    t: Array  #: Stamps in s, shape (n,), in the log's own clock; NaN where a row has none.
+    values: Array  #: The fields asked for, shape (n, k); NaN where a cell is empty or no number.
 
 
 class Note(Finding):
@@ -96,66 +86,36 @@ class Samples(NamedTuple):
 
 @dataclass(frozen=True)
 class Field:
-    """What one field of a topic holds.
+    """What one field of a topic holds."""
 
-    Attributes
-    ----------
-    name
-        Within its topic; ``topic.field`` in a column map.
-    unit
-        As the log states it; "" where it does not.
-    samples
-        Finite numbers.
-    minimum, maximum, mean, deviation
-        Of these, in the unit of the log; NaN where there are none.
-    repeated
-        Share of the samples that equal the one before: near 1 for a value that was only written again.
-    """
-
-    name: str
-    unit: str
-    samples: int
+    name: str  #: Within its topic; ``topic.field`` in a column map.
+    unit: str  #: As the log states it; "" where it does not.
+    samples: int  #: Finite numbers.
+    #: Of these, in the unit of the log; NaN where there are none.
     minimum: float
     maximum: float
     mean: float
     deviation: float
+    #: Share of the samples that equal the one before: near 1 for a value that was only written again.
     repeated: float
 
 
 @dataclass(frozen=True)
 class Topic:
-    """What one topic holds.
+    """What one topic holds."""
 
-    Attributes
-    ----------
-    name, samples
-        Its name, and its rows.
-    start_s, end_s
-        First and last stamp, in the log's own clock.
-    interval_s
-        Median time between samples.
-    longest_s
-        Longest time between samples.
-    disordered
-        Rows whose stamp is not later than the one before.
-    fields
-        In the order of the log.
-    kind
-        Message type, where the format states one: it says more than a field's name.
-    of_file
-        Whether its name is that of the file, which says nothing about its fields.
-    """
-
+    #: Its name, and its rows.
     name: str
     samples: int
+    #: First and last stamp, in the log's own clock.
     start_s: float
     end_s: float
-    interval_s: float
-    longest_s: float
-    disordered: int
-    fields: tuple[Field, ...]
-    kind: str = ""
-    of_file: bool = False
+    interval_s: float  #: Median time between samples.
+    longest_s: float  #: Longest time between samples.
+    disordered: int  #: Rows whose stamp is not later than the one before.
+    fields: tuple[Field, ...]  #: In the order of the log.
+    kind: str = ""  #: Message type, where the format states one: it says more than a field's name.
+    of_file: bool = False  #: Whether its name is that of the file, which says nothing about its fields.
 
     @property
     def rate_hz(self) -> float:
@@ -166,46 +126,26 @@ class Topic:
 
 @dataclass
 class Log(ABC):
-    """A log that is open for reading.
+    """A log that is open for reading."""
 
-    Attributes
-    ----------
-    path, format
-        The file, and the name of its format.
-    findings
-        What could not be read and why; complete after everything was read once.
-    assumptions
-        How something was read that the log does not state; nothing was lost by it.
-    timeless
-        Why no row has a time, and what to do; "" where the log has no column for it.
-    units_in
-        Where a row of the file states the units, as "line 3"; "" where none does.
-    words
-        What the fields without numbers hold instead, by topic and field.
-    kinds
-        Message type by topic, where the format states it.
-    of_file
-        Topics that are called by the file.
-    epoch_s
-        Unix time of stamp zero, s; None where the log does not say. Logs with an epoch share a clock.
-    parameters
-        Parameters of the vehicle that the log carries, by name.
-    budget
-        What reading it may cost.
-    """
-
+    #: The file, and the name of its format.
     path: Path
     format: str
+    #: What could not be read and why; complete after everything was read once.
     findings: list[Note] = field(default_factory=list)
+    #: Unix time of stamp zero, s; None where the log does not say. Logs with an epoch share a clock.
     epoch_s: float | None = None
+    #: Parameters of the vehicle that the log carries, by name.
     parameters: dict[str, float] = field(default_factory=dict)
+    #: How something was read that the log does not state; nothing was lost by it.
     assumptions: list[Note] = field(default_factory=list)
-    timeless: str = ""
-    units_in: str = ""
+    timeless: str = ""  #: Why no row has a time, and what to do; "" where the log has no column for it.
+    units_in: str = ""  #: Where a row of the file states the units, as "line 3"; "" where none does.
+    #: What the fields without numbers hold instead, by topic and field.
     words: dict[tuple[str, str], str] = field(default_factory=dict)
-    kinds: dict[str, str] = field(default_factory=dict)
-    of_file: set[str] = field(default_factory=set)
-    budget: Budget = field(default_factory=Budget)
+    kinds: dict[str, str] = field(default_factory=dict)  #: Message type by topic, where the format states it.
+    of_file: set[str] = field(default_factory=set)  #: Topics that are called by the file.
+    budget: Budget = field(default_factory=Budget)  #: What reading it may cost.
 
     @property
     @abstractmethod

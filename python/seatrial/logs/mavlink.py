@@ -68,38 +68,19 @@ _Sender = tuple[int, int]  # system and component
 
 @dataclass
 class Session:
-    """Stamps of one message type between two starts of its clock.
+    """Stamps of one message type between two starts of its clock."""
 
-    Attributes
-    ----------
-    sender, stream, first
-        Who stamped which messages, and the number of the first one in its stream.
-    period_s
-        After which the counter begins again; infinite for one that does not.
-    reference_s
-        Reception less stamp of the first message.
-    least_s
-        The least of these over all messages.
-    count
-        Messages.
-    origin_s
-        Time zero of the clock on the receiver's.
-    missed_s
-        Periods that the counter lost before the session, s.
-    last
-        Stamp, unwrapped, and reception of the last message, s.
-    """
-
+    #: Who stamped which messages, and the number of the first one in its stream.
     sender: Hashable
     stream: Hashable
     first: int
-    period_s: float
-    reference_s: float
-    least_s: float
-    count: int
-    origin_s: float
-    missed_s: float
-    last: tuple[float, float]
+    period_s: float  #: After which the counter begins again; infinite for one that does not.
+    reference_s: float  #: Reception less stamp of the first message.
+    least_s: float  #: The least of these over all messages.
+    count: int  #: Messages.
+    origin_s: float  #: Time zero of the clock on the receiver's.
+    missed_s: float  #: Periods that the counter lost before the session, s.
+    last: tuple[float, float]  #: Stamp, unwrapped, and reception of the last message, s.
 
     def unwrapped(self, stamp: float, received: float) -> float:
         """The stamp, s, with the periods that its counter lost."""

@@ -113,12 +113,8 @@ _SPATIAL = frozenset(("z", "phi", "psi", "roll", "pitch", "yaw", "heading"))
 def quantity_of(path: str, siblings: Iterable[str] = ()) -> tuple[str, int] | None:
     """Canonical column, or quantity that becomes one, of a path without its unit, and rank; None for neither.
 
-    Parameters
-    ----------
-    path
-        Of the column, without its unit.
-    siblings
-        Last words of the columns beside it, that have the same path before them.
+    `path`: of the column, without its unit. `siblings`: last words of the columns beside it, that have the
+    same path before them.
 
     Examples
     --------

@@ -35,39 +35,23 @@ from seatrial.logs.names import (
 
 @dataclass(frozen=True)
 class Proposal:
-    """What a field probably is.
+    """What a field probably is."""
 
-    Attributes
-    ----------
-    canonical
-        Canonical column (`seatrial.trial.columns`).
-    topic, name
-        The field.
-    unit, frame, sign
-        As in a column map; "" and 1 for those of the canonical column.
-    per
-        Field of the same topic by which each sample is divided: the time a displacement took. "" for none.
-    convert
-        "latitude", "longitude", "pressure", "north", "east" or "down" for what needs more than a unit.
-    why
-        What it was told from.
-    certain
-        Whether the log documents it; otherwise it is a guess to look at.
-    rank
-        Smaller is better, among proposals for one canonical column.
-    """
-
-    canonical: str
+    canonical: str  #: Canonical column (`seatrial.trial.columns`).
+    #: The field.
     topic: str
     name: str
+    #: As in a column map; "" and 1 for those of the canonical column.
     unit: str = ""
     frame: str = ""
     sign: int = 1
+    #: Field of the same topic by which each sample is divided: the time a displacement took. "" for none.
     per: str = ""
+    #: "latitude", "longitude", "pressure", "north", "east" or "down" for what needs more than a unit.
     convert: str = ""
-    why: str = ""
-    certain: bool = True
-    rank: int = 0
+    why: str = ""  #: What it was told from.
+    certain: bool = True  #: Whether the log documents it; otherwise it is a guess to look at.
+    rank: int = 0  #: Smaller is better, among proposals for one canonical column.
 
     @property
     def source(self) -> str:

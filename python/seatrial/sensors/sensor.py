@@ -25,29 +25,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of sensor.
+    """A kind of sensor."""
 
-    Attributes
-    ----------
-    columns
-        Canonical columns that it logs, in order.
-    unit
-        Ending of its keys: that of the columns' numbers.
-    has_lever_arm
-        Whether what it shows depends on where it sits, ``position_m``.
-    ranged
-        Whether it needs the bottom within ``max_range_m``.
-    has_axes
-        Whether it shows a vector along axes of its own, which may be tilted, ``tilt_deg``.
-    aboard
-        Whether only the navigation filter of a flight reads it; a log has no column of it.
-    """
-
-    columns: tuple[str, ...]
-    unit: str
-    has_lever_arm: bool = False
-    ranged: bool = False
+    columns: tuple[str, ...]  #: Canonical columns that it logs, in order.
+    unit: str  #: Ending of its keys: that of the columns' numbers.
+    has_lever_arm: bool = False  #: Whether what it shows depends on where it sits, ``position_m``.
+    ranged: bool = False  #: Whether it needs the bottom within ``max_range_m``.
+    #: Whether it shows a vector along axes of its own, which may be tilted, ``tilt_deg``.
     has_axes: bool = False
+    #: Whether only the navigation filter of a flight reads it; a log has no column of it.
     aboard: bool = False
 
 

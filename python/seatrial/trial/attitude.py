@@ -73,31 +73,17 @@ _FRAMES = ("FRD/NED", "FLU/NWU", "FLU/ENU")
 
 @dataclass(frozen=True)
 class AttitudeConvention:
-    """The convention of an attitude that was read as scalar first, body to earth, FRD to NED.
+    """The convention of an attitude that was read as scalar first, body to earth, FRD to NED."""
 
-    Attributes
-    ----------
-    last
-        Whether the scalar is the last of the four columns.
-    inverse
-        Whether it turns the earth into the body.
-    frame
-        Body and earth frame, as a column map names them.
-    share, before
-        Share of the motion that gyro and velocity show which it explains, and which the one read explains.
-    either
-        Whether the gyro's frame may be the wrong one instead: nothing else in the log tells.
-    frames
-        All frames that explain it alike.
-    """
-
-    last: bool
-    inverse: bool
-    frame: str
+    last: bool  #: Whether the scalar is the last of the four columns.
+    inverse: bool  #: Whether it turns the earth into the body.
+    frame: str  #: Body and earth frame, as a column map names them.
+    #: Share of the motion that gyro and velocity show which it explains, and which the one read explains.
     share: float = 1.0
     before: float = 0.0
+    #: Whether the gyro's frame may be the wrong one instead: nothing else in the log tells.
     either: bool = False
-    frames: tuple[str, ...] = ()
+    frames: tuple[str, ...] = ()  #: All frames that explain it alike.
 
     @property
     def order(self) -> bool:

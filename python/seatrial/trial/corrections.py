@@ -62,42 +62,24 @@ SETTINGS = CorrectionSettings()
 
 @dataclass(frozen=True)
 class Corrections:
-    """Corrections by channel or sensor, SI; angles in rad.
+    """Corrections by channel or sensor, SI; angles in rad."""
 
-    Attributes
-    ----------
-    automatic
-        Whether latencies, signs and a tilted frame that are found are corrected as well.
-    signs, axes
-        Sign by channel; recorded channel and its sign by true channel.
-    delay
-        s by sensor.
-    scale, bias
-        Factor by sensor or channel; what a channel shows at zero.
-    mounting
-        Roll, pitch and yaw of the velocity sensor in the body, (3,).
-    frame
-        Direction of gravity in the pose's frame, north and east of its z, (2,).
-    heading
-        Added to the yaw.
-    current
-        Time in s, north and east of the water's velocity in m/s at knots, (k, 3), linear between them and
-        held beyond them; None for none.
-    given
-        Keys and values as written.
-    """
-
+    #: Whether latencies, signs and a tilted frame that are found are corrected as well.
     automatic: bool = True
+    #: Sign by channel; recorded channel and its sign by true channel.
     signs: dict[str, float] = field(default_factory=dict)
     axes: dict[str, tuple[str, float]] = field(default_factory=dict)
-    delay: dict[str, float] = field(default_factory=dict)
+    delay: dict[str, float] = field(default_factory=dict)  #: s by sensor.
+    #: Factor by sensor or channel; what a channel shows at zero.
     scale: dict[str, float] = field(default_factory=dict)
     bias: dict[str, float] = field(default_factory=dict)
-    mounting: Array | None = None
-    frame: Array | None = None
-    heading: float = 0.0
+    mounting: Array | None = None  #: Roll, pitch and yaw of the velocity sensor in the body, (3,).
+    frame: Array | None = None  #: Direction of gravity in the pose's frame, north and east of its z, (2,).
+    heading: float = 0.0  #: Added to the yaw.
+    #: Time in s, north and east of the water's velocity in m/s at knots, (k, 3), linear between them and held
+    #: beyond them; None for none.
     current: Array | None = None
-    given: dict[str, Any] = field(default_factory=dict)
+    given: dict[str, Any] = field(default_factory=dict)  #: Keys and values as written.
 
 
 def merged(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:

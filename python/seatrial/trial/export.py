@@ -63,15 +63,9 @@ def unit_of(column: str) -> str:
 def export(table: pl.DataFrame, path: str | Path, *, units: Mapping[str, str] | None = None) -> None:
     """Write a table of a trial or a flight to a .mcap, .csv or .parquet file.
 
-    Parameters
-    ----------
-    table
-        `Trial.table`, or ``Flight.table()``: a column ``t_s`` in s and others named with their units.
-    path
-        Its ending decides the format.
-    units
-        Unit by column, instead of that in its name: ``{"u_m_s": "knot"}`` becomes a column ``u [knot]``. Not
-        for MCAP, whose columns keep their names.
+    `table`: `Trial.table`, or ``Flight.table()``: a column ``t_s`` in s and others named with their units.
+    `path`: its ending decides the format. `units`: unit by column, instead of that in its name: ``{"u_m_s":
+    "knot"}`` becomes a column ``u [knot]``. Not for MCAP, whose columns keep their names.
 
     Examples
     --------

@@ -83,33 +83,19 @@ _PRESSURES = {"hPa or mbar": 1e2, "kPa": 1e3, "psi": 6894.76, "dbar": 1e4, "bar"
 
 @dataclass(frozen=True)
 class Follows:
-    """How a recorded channel follows an axis of the motion, beside the other axes of it.
+    """How a recorded channel follows an axis of the motion, beside the other axes of it."""
 
-    Attributes
-    ----------
-    gain, sd
-        Size of the channel over that of the axis, of both what the other axes do not explain, with the sign
-        of their relation; the deviation by blocks of time. NaN where the axis has no motion of its own.
-    share
-        Share of that part of the channel that the axis explains, 0 to 1.
-    whole
-        Share of the whole channel that the axis explains.
-    own, least
-        Root mean square of the axis's own motion, rad/s or m/s, and from where it is judged.
-    lag
-        Delay in s at which this holds.
-    rival
-        Largest correlation of the other sign at any delay.
-    """
-
+    #: Size of the channel over that of the axis, of both what the other axes do not explain, with the sign of
+    #: their relation; the deviation by blocks of time. NaN where the axis has no motion of its own.
     gain: float
     sd: float
-    share: float
-    whole: float
+    share: float  #: Share of that part of the channel that the axis explains, 0 to 1.
+    whole: float  #: Share of the whole channel that the axis explains.
+    #: Root mean square of the axis's own motion, rad/s or m/s, and from where it is judged.
     own: float
     least: float
-    lag: float
-    rival: float = 0.0
+    lag: float  #: Delay in s at which this holds.
+    rival: float = 0.0  #: Largest correlation of the other sign at any delay.
 
     @property
     def moves(self) -> bool:

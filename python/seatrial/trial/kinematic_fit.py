@@ -49,35 +49,16 @@ SETTINGS = KinematicFitSettings()
 
 @dataclass(frozen=True)
 class Parameter:
-    """A possible correction.
+    """A possible correction."""
 
-    Attributes
-    ----------
-    name
-        Its key.
-    step
-        Difference quotient's step, in the parameter's unit.
-    least
-        Smaller values do not matter.
-    prior
-        Standard deviation around zero known beforehand; infinite for none.
-    always
-        Whether it is fitted without being asked: a delay, or a nuisance.
-    material
-        Share by which it must reduce the residual's root mean square.
-    shift
-        Whether it shifts a sensor in time, a delay or a drift.
-    factor
-        Whether it multiplies a measured channel, whose own noise then makes it too small.
-    """
-
-    name: str
-    step: float
-    least: float
-    prior: float = np.inf
-    always: bool = False
-    material: float = 0.0
-    shift: bool = False
+    name: str  #: Its key.
+    step: float  #: Difference quotient's step, in the parameter's unit.
+    least: float  #: Smaller values do not matter.
+    prior: float = np.inf  #: Standard deviation around zero known beforehand; infinite for none.
+    always: bool = False  #: Whether it is fitted without being asked: a delay, or a nuisance.
+    material: float = 0.0  #: Share by which it must reduce the residual's root mean square.
+    shift: bool = False  #: Whether it shifts a sensor in time, a delay or a drift.
+    #: Whether it multiplies a measured channel, whose own noise then makes it too small.
     factor: bool = False
 
 
@@ -110,17 +91,10 @@ def fitted(
 
     A parameter that changes nothing, as a delay does where a sensor never moves, is left out.
 
-    Parameters
-    ----------
-    residual
-        Residuals (n, k) and where they may be used (n,) for given values; absent parameters are zero.
-    parameters
-        Candidates.
-    grid
-        Times of the residuals.
-    starts
-        Values to begin with, the likeliest first; what is absent is zero. A later one counts if it leads to
-        a clearly smaller residual: one of many minima of noise is no finding.
+    `residual`: residuals (n, k) and where they may be used (n,) for given values; absent parameters are zero.
+    `parameters`: candidates. `grid`: times of the residuals. `starts`: values to begin with, the likeliest
+    first; what is absent is zero. A later one counts if it leads to a clearly smaller residual: one of many
+    minima of noise is no finding.
     """
     bare = _without_nuisances(residual, parameters)
     values = dict.fromkeys((parameter.name for parameter in parameters), 0.0)

@@ -84,26 +84,15 @@ _NEUTRAL_US, _FULL_US = 1500.0, 400.0  # of a frame's motors
 
 @dataclass(frozen=True)
 class Stick:
-    """A column of the log that becomes -1 to 1.
+    """A column of the log that becomes -1 to 1."""
 
-    Attributes
-    ----------
-    column
-        Its name; ``topic.field`` in a log of topics.
-    trim, min, max
-        Value at rest and at the ends, in the column's own unit.
-    dead_zone
-        Distance from trim below which it counts as zero, in the column's unit.
-    reversed
-        Whether a larger value is less.
-    """
-
-    column: str
+    column: str  #: Its name; ``topic.field`` in a log of topics.
+    #: Value at rest and at the ends, in the column's own unit.
     trim: float = 1500.0
     min: float = 1100.0
     max: float = 1900.0
-    dead_zone: float = 0.0
-    reversed: bool = False
+    dead_zone: float = 0.0  #: Distance from trim below which it counts as zero, in the column's unit.
+    reversed: bool = False  #: Whether a larger value is less.
 
     def value(self, y: Array) -> Array:
         """Deflection of samples (n,), -1 to 1.
@@ -132,28 +121,18 @@ class Output:
 
 @dataclass(frozen=True)
 class Mixer:
-    """Sticks, outputs and the constant supply voltage of a log without commands.
+    """Sticks, outputs and the constant supply voltage of a log without commands."""
 
-    Attributes
-    ----------
-    inputs
-        Sticks by name.
-    outputs
-        By actuator, or by a column of the wrench such as "tau.X_n".
-    frame, motors, reversed
-        A name in `FRAMES`, the vehicle's actuators in the order of the frame's motor numbers ("thruster_1",
-        "thruster_2", ... when omitted), and those of them whose direction is reversed. Its inputs are called
-        roll, pitch, yaw, throttle, forward and lateral; one that is not given is zero.
-    supply_v
-        Supply voltage where none is recorded, V.
-    """
-
-    inputs: Mapping[str, Stick] = field(default_factory=dict)
+    inputs: Mapping[str, Stick] = field(default_factory=dict)  #: Sticks by name.
+    #: By actuator, or by a column of the wrench such as "tau.X_n".
     outputs: Mapping[str, Output] = field(default_factory=dict)
+    #: A name in `FRAMES`, the vehicle's actuators in the order of the frame's motor numbers ("thruster_1",
+    #: "thruster_2", ... when omitted), and those of them whose direction is reversed. Its inputs are called
+    #: roll, pitch, yaw, throttle, forward and lateral; one that is not given is zero.
     frame: str | None = None
     motors: Sequence[str] = ()
     reversed: Sequence[str] = ()
-    supply_v: float | None = None
+    supply_v: float | None = None  #: Supply voltage where none is recorded, V.
 
     @property
     def columns(self) -> list[str]:
@@ -225,14 +204,9 @@ class Mixer:
     ) -> pl.DataFrame:
         """Table of a log with the commands, the wrench and the voltage as canonical columns.
 
-        Parameters
-        ----------
-        table
-            With the columns of the sticks. A row without a sample of any of its sticks has none of an output.
-        file
-            What to call the log in messages.
-        given
-            Column map, which may not give the same columns.
+        `table`: with the columns of the sticks. A row without a sample of any of its sticks has none of an
+        output. `file`: what to call the log in messages. `given`: column map, which may not give the same
+        columns.
         """
         import polars as pl
 

@@ -51,20 +51,12 @@ _HEAD = 100
 
 
 class RawTable(NamedTuple):
-    """A recording's table, the name to call it by in messages, and what its header says of columns.
-
-    Attributes
-    ----------
-    table, file
-    units
-        That it states, by column.
-    twice
-        Places, from 1, of the columns that share a name, by the name.
-    """
+    """A recording's table, the name to call it by in messages, and what its header says of columns."""
 
     table: pl.DataFrame
     file: str
-    units: Mapping[str, str] = {}
+    units: Mapping[str, str] = {}  #: That it states, by column.
+    #: Places, from 1, of the columns that share a name, by the name.
     twice: Mapping[str, tuple[int, ...]] = {}
 
     def refuse_twice(self, used: Iterable[str]) -> None:
@@ -82,15 +74,9 @@ class RawTable(NamedTuple):
 def read_table(source: Any, reader: str | Reader | None = None, columns: Iterable[str] = ()) -> RawTable:
     """Table of a recording, its name and the units that it states.
 
-    Parameters
-    ----------
-    source
-        Path of a file, a polars or pandas frame, or a table that was read already.
-    reader
-        Name of a reader in `FORMATS`, or a function from a path to a table; by the file's ending when
-        omitted.
-    columns
-        Columns that will be used: of a log with topics no others are read.
+    `source`: path of a file, a polars or pandas frame, or a table that was read already. `reader`: name of a
+    reader in `FORMATS`, or a function from a path to a table; by the file's ending when omitted. `columns`:
+    columns that will be used: of a log with topics no others are read.
     """
     if isinstance(source, RawTable):
         return source
@@ -325,33 +311,15 @@ _TELLING_ROWS = 2000
 
 @dataclass(frozen=True)
 class Recording:
-    """What was read of a source.
+    """What was read of a source."""
 
-    Attributes
-    ----------
-    file
-        Where it came from.
-    signals
-        By sensor, as the corrections given say and not otherwise corrected.
-    time
-        Stamps of the rows, s.
-    sources
-        Column map.
-    positions
-        Where sensors sit, (3,) in m from O.
-    corrections
-        What was given.
-    report
-        What was found so far.
-    """
-
-    file: str
-    signals: dict[str, Signal]
-    time: Array
-    sources: dict[str, Source]
-    positions: dict[str, Array]
-    corrections: Corrections
-    report: RecordingReport
+    file: str  #: Where it came from.
+    signals: dict[str, Signal]  #: By sensor, as the corrections given say and not otherwise corrected.
+    time: Array  #: Stamps of the rows, s.
+    sources: dict[str, Source]  #: Column map.
+    positions: dict[str, Array]  #: Where sensors sit, (3,) in m from O.
+    corrections: Corrections  #: What was given.
+    report: RecordingReport  #: What was found so far.
 
 
 def recording(

@@ -111,35 +111,23 @@ class RecordingFinding(Finding):
 
 @dataclass
 class RecordingReport(Plain):
-    """What is known about a recording: findings, latencies removed and samples masked.
+    """What is known about a recording: findings, latencies removed and samples masked."""
 
-    Attributes
-    ----------
-    source
-        File or frame that was read.
-    samples, rate_hz, duration_s
-        Common time base.
-    findings
-        Facts in the order in which they were found.
-    latencies
-        Delay in s of a sensor against the pose, removed, by sensor ("velocity", "rates").
-    tilt
-        Direction of gravity in the pose's frame as recorded, north and east of its z in rad, where the pose
-        was turned upright.
-    masked
-        Number of samples kept out of every criterion, by channel.
-    corrections
-        Key and value of the corrections that were given and applied.
-    """
-
-    source: str
+    source: str  #: File or frame that was read.
+    #: Common time base.
     samples: int = 0
     rate_hz: float = 0.0
     duration_s: float = 0.0
+    #: Facts in the order in which they were found.
     findings: list[RecordingFinding] = field(default_factory=list)
+    #: Delay in s of a sensor against the pose, removed, by sensor ("velocity", "rates").
     latencies: dict[str, float] = field(default_factory=dict)
+    #: Direction of gravity in the pose's frame as recorded, north and east of its z in rad, where the pose
+    #: was turned upright.
     tilt: tuple[float, float] | None = None
+    #: Number of samples kept out of every criterion, by channel.
     masked: dict[str, int] = field(default_factory=dict)
+    #: Key and value of the corrections that were given and applied.
     corrections: dict[str, Any] = field(default_factory=dict)
 
     def info(self, kind: str, channel: str, *, count: int | None = None, **values: Any) -> None:
@@ -213,21 +201,11 @@ INPUTS = ("cmd.", "meas.", "tau.")
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Samples of one channel at the stamps of its own sensor.
+    """Samples of one channel at the stamps of its own sensor."""
 
-    Attributes
-    ----------
-    t
-        Rising stamps in s, shape (n,), on the clock that stamped them.
-    value
-        Samples in SI, NED or forward-right-down, shape (n,); NaN where lost.
-    clock
-        Name of that clock, usually of the file; series of one name share it.
-    """
-
-    t: Array
-    value: Array
-    clock: str = ""
+    t: Array  #: Rising stamps in s, shape (n,), on the clock that stamped them.
+    value: Array  #: Samples in SI, NED or forward-right-down, shape (n,); NaN where lost.
+    clock: str = ""  #: Name of that clock, usually of the file; series of one name share it.
 
 
 def checked(series: Mapping[str, Series]) -> dict[str, Series]:

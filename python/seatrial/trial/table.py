@@ -422,11 +422,7 @@ def _note_not_finite(sampled: Mask, y: Array, name: str, report: RecordingReport
 def numbers(column: pl.Series, canonical: str, file: str) -> Array:
     """Cells of a column as numbers, shape (m,); empty cells are NaN.
 
-    Parameters
-    ----------
-    column : polars.Series
-    canonical, file : str
-        Its canonical name and the recording, for messages.
+    `canonical` and `file`: its canonical name and the recording, for messages.
     """
     import polars as pl
 

@@ -192,42 +192,27 @@ class Current(Section):
 
 @dataclass(frozen=True)
 class Sailed:
-    """How a trial is sailed.
+    """How a trial is sailed."""
 
-    Attributes
-    ----------
-    where
-        The recipe, for messages.
-    truth
-        The vehicle that sails; the autopilot believes in the one that the truth file starts from.
-    autopilot, mission
-        What steers, and where to.
-    sensors
-        What it steers by: {kind: sensor}, "typical", a path, or None for perfect ones.
-    current, waves
-        The water.
-    initial
-        Where it begins; None: at rest at the mission's start.
-    duration_s, rate_hz
-        Longest duration and rate of the log.
-    bottom_depth_m, voltage_v
-        As of any recipe.
-    dither
-        ``times``, s, and what is added to the commands from each of them on; None: nothing.
-    """
-
-    where: str
+    where: str  #: The recipe, for messages.
+    #: The vehicle that sails; the autopilot believes in the one that the truth file starts from.
     truth: Truth
+    #: What steers, and where to.
     autopilot: Autopilot
     mission: Mission
+    #: What it steers by: {kind: sensor}, "typical", a path, or None for perfect ones.
     sensors: Mapping[str, Sensor] | str | Path | None
+    #: The water.
     current: Current
     waves: SeaState | None
-    initial: State | None
+    initial: State | None  #: Where it begins; None: at rest at the mission's start.
+    #: Longest duration and rate of the log.
     duration_s: float
     rate_hz: float
+    #: As of any recipe.
     bottom_depth_m: float | None
     voltage_v: float | None
+    #: ``times``, s, and what is added to the commands from each of them on; None: nothing.
     dither: Mapping[str, Array] | None = None
 
     @classmethod
