@@ -263,6 +263,7 @@ def _stages(vehicle: Vehicle, drafted: Sequence[DraftedTrial]) -> list[str]:
     lines = draft("campaign", "stages")
     if any(axis in finned for axis in free):
         lines += draft("campaign", "fins")
+    # Axes that cannot be identified are named, with what would change that.
     missing = [
         axis
         for axis in drivers(vehicle)
@@ -276,6 +277,7 @@ def _stages(vehicle: Vehicle, drafted: Sequence[DraftedTrial]) -> list[str]:
         names = " and ".join(MOTIONS[axis] for axis in still)
         lines += draft("campaign", "still", motions=names)
     first, freed = len(lines), ""
+    # A stage per group of axes, on the trials that show and command all of them.
     for group in groups:
         shown = [
             drafted_trial

@@ -107,6 +107,7 @@ def _imported_logs(
     say = progress or (lambda share, words: None)
     seen = survey(logs, share=lambda s, w: say(0.5 * s, w))
     given = None if map is None else load_map(map)
+    # Which files are one recording, and which of their fields are which columns.
     made = recordings(seen.logs, given.trials if given else None)
     columns = given.columns if given else proposed_columns(made)
     if not columns:
@@ -114,6 +115,7 @@ def _imported_logs(
     commands = {
         name.removeprefix("cmd."): column.unit for name, column in columns.items() if name.startswith("cmd.")
     }
+    # Actuators of the log get the names that the vehicle has for them.
     draft = draft_vehicle(seen.logs, commands, _kept_vehicle(folder, vehicle))
     unmatched: tuple[str, ...] = ()
     if draft.vehicle is not None and given is None:
@@ -128,6 +130,7 @@ def _imported_logs(
         def part(share: float, k: int = k, logged: Recording = logged) -> None:
             say(0.5 + 0.45 * (k + share) / len(made), f"trial {logged.name}")
 
+        # A recording that cannot be read is left out and named, unless it is the only one.
         try:
             recorded = table_of(logged, wanted, part)
             if given is None and not read and (other := _reordered(columns, recorded)) is not None:
@@ -140,9 +143,11 @@ def _imported_logs(
             refused.append(f"trial {logged.name}: {error}")
     if not read:
         raise TrialError("\n".join(refused))
+    # The first trial shows which thrusters push against the direction of the draft.
     text, reversed_ = _turned(draft, read[0][2], seen)
     whole = _vehicle(text) if draft.vehicle is not None else None
     trials = tuple(_imported(logged, recorded, trial, whole) for logged, recorded, trial in read)
+    # A delay that the edited campaign removes is proposed for no clock again.
     delays = {} if folder is None else delays_given(folder)
     trials = tuple(
         _without_given(trial, delays.get("", set()) | delays.get(trial.name, set())) for trial in trials
@@ -255,7 +260,7 @@ def _trial(recording: Recording, recorded: Recorded) -> Trial:
 def _turned(draft: VehicleDraft, trial: Trial, seen: Survey) -> tuple[str, tuple[str, ...]]:
     """Text of the drafted vehicle with the thrusters' directions as the log tells them."""
     ardupilot = any(log.format in ("dataflash", "mavlink") for log in seen.logs)
-    if draft.vehicle is None or not ardupilot or not draft.source.startswith("the built-in vehicle"):
+    if draft.vehicle is None or not ardupilot or not draft.built_in:
         return draft.text, ()
     parameters = {key: value for log in seen.logs for key, value in log.parameters.items()}
     signs = thruster_signs(draft.vehicle, trial, parameters)

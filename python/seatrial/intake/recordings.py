@@ -23,7 +23,7 @@ from seatrial.intake.survey import SurveyedLog, chosen
 from seatrial.logs.formats import open_log
 from seatrial.logs.join import Clock, Wanted, find_field, join
 from seatrial.logs.log import Log, Note, listed
-from seatrial.logs.recognise import ESTIMATED
+from seatrial.logs.recognise import of_estimator
 from seatrial.trial.columns import parse
 from seatrial.trial.resampling import linear
 from seatrial.trial.signals import RecordingReport
@@ -202,9 +202,11 @@ def table_of(
         )
     _refuse_twins(homes, logs)
     clocks = dict(wanted.clocks)
+    # Every sample stays at its own stamp; what reading left out is noted.
     joined = join(logs, list(dict.fromkeys(w for w, _ in homes.values())), clocks, share)
     table, notes = joined.table, list(joined.notes)
     notes += [Note.of("of file", log.path.name, note=note) for log in logs for note in log.findings]
+    # A map that names a field without its topic finds it under that name in the table.
     plain = {c for c, (w, _) in homes.items() if wanted.columns[c].source in (w.name, f"{w.name}/{w.per}")}
     columns: dict[str, dict[str, Any]] = {}
     fixes: dict[str, tuple[str, Array]] = {}  # latitude and longitude: canonical column, values in degrees
@@ -231,6 +233,7 @@ def table_of(
             if name not in table.columns:
                 table = table.with_columns(table[field.column].alias(name))
         columns[canonical] = column.entry(name)
+    # Latitude and longitude become metres together.
     if fixes:
         if "latitude" not in fixes:
             raise TrialError(
@@ -243,6 +246,7 @@ def table_of(
     kept = ["t_s", *dict.fromkeys(entry["from"] for entry in columns.values())]
     kept += [c for c in homes if wanted.columns[c].convert and c not in lost]
     table = table.select(kept)
+    # The map may ask for a part of the recording.
     start, stop = recording.start_s, recording.stop_s
     if start is not None or stop is not None:
         table = _cut(table, start, stop, recording.name)
@@ -291,8 +295,9 @@ def _with_body_velocity(
     body = np.full(over_ground.shape, np.nan)
     body[sampled] = np.einsum("nij,ni->nj", matrix(q), over_ground[sampled])
     body[np.flatnonzero(sampled)[~valid.all(axis=1)]] = np.nan
-    why = wanted.columns[over_earth[0]].why
-    notes.append(Note.of("velocity turned", estimated=why if ESTIMATED in why else ""))
+    field, log = homes[over_earth[0]]
+    estimated = f"{field.topic}.{field.name}" if of_estimator(log.format, field.topic) else ""
+    notes.append(Note.of("velocity turned", estimated=estimated))
     return table.with_columns(pl.Series(c, body[:, k], nan_to_null=True) for k, c in enumerate(_VELOCITY)), []
 
 

@@ -22,16 +22,8 @@ from seatrial.base.errors import TrialError, printable
 from seatrial.base.report import Reported
 from seatrial.base.work import callers_errors_pass
 from seatrial.logs.formats import FORMATS, open_log
-from seatrial.logs.log import Event, Field, Log, Share, Topic
-from seatrial.logs.names import KNOWN_UNITS
-from seatrial.logs.recognise import (
-    ESTIMATED,
-    RECOGNITION_SETTINGS,
-    Proposal,
-    named_but_empty,
-    propose,
-    unknown_unit,
-)
+from seatrial.logs.log import Event, Field, Log, Note, Share, Topic
+from seatrial.logs.recognise import RECOGNITION_SETTINGS, Proposal, named_but_empty, propose, unknown_unit
 
 _VERTICAL = re.compile(
     r"(.*\.)?(linear_acceleration\.z|accel(eration)?\.z|AccZ|zacc|accelerometer_m_s2\[2\])", re.IGNORECASE
@@ -148,7 +140,7 @@ class Unused(NamedTuple):
     canonical: str
     topic: str
     name: str
-    why: str
+    why: Note
 
 
 @dataclass(frozen=True)
@@ -339,7 +331,7 @@ def _surveyed(path: Path, share: Share) -> SurveyedLog:
         log.epoch_s,
         tuple(_unused(log, topics)),
     )
-    return replace(made, notes=(*made.notes, *_unknown_units(made, log.units_in)))
+    return replace(made, notes=(*made.notes, *map(str, _unknown_units(made, log.units_in))))
 
 
 def _unused(log: Log, topics: Sequence[Topic]) -> Iterator[Unused]:
@@ -347,37 +339,25 @@ def _unused(log: Log, topics: Sequence[Topic]) -> Iterator[Unused]:
     if log.format not in ("csv", "parquet", "matlab"):
         return
     for canonical, topic, field in named_but_empty(topics):
-        words = log.words.get((topic.name, field.name), "")
+        values: dict[str, Any] = {"rows": topic.samples, "fewest": RECOGNITION_SETTINGS.fewest}
         if topic.samples < RECOGNITION_SETTINGS.fewest:
-            fewest = RECOGNITION_SETTINGS.fewest
-            why = f"{_rows(topic.samples)}, expected at least {fewest}: none of its columns is used"
+            why = Note.of("rows too few", "", **values)
         else:
-            count = f"{field.samples} numbers" if field.samples else "no number"
-            content = f"{count} in {_rows(topic.samples)} ({words or 'empty cells or NaN'})"
-            why = (
-                f'column "{printable(field.name)}" ({canonical} by its name) is not used: {content}; expected'
-                f" at least {RECOGNITION_SETTINGS.fewest} numbers: write them, or remove the column"
-            )
+            text = log.words.get((topic.name, field.name), "")
+            values |= {"canonical": canonical, "numbers": field.samples, "text": text}
+            why = Note.of("numbers too few", field.name, **values)
         yield Unused(canonical, topic.name, field.name, why)
 
 
-def _rows(count: int) -> str:
-    return f"{count:,} row{'s' if count != 1 else ''}"
-
-
-def _unknown_units(log: SurveyedLog, where: str) -> Iterator[str]:
+def _unknown_units(log: SurveyedLog, where: str) -> Iterator[Note]:
     """Notes on columns that are taken and state a unit that is not known."""
     names: dict[tuple[str, str], list[str]] = {}
     for proposal in chosen(log).values():
         field = log.field(proposal)[1]
         if unknown_unit(proposal, field):
-            names.setdefault((field.unit, proposal.unit), []).append(f'"{printable(field.name)}"')
+            names.setdefault((field.unit, proposal.unit), []).append(field.name)
     for (stated, taken), columns in names.items():
-        yield (
-            f'{f"{where}: " if where else ""}the unit "{printable(stated, 20)}" of {", ".join(columns)} is'
-            f" not known, {taken or 'none'} was taken; known are {', '.join(KNOWN_UNITS)}: correct it in the"
-            ' file, or give unit = "..." in map.toml'
-        )
+        yield Note.of("unit not known", where, unit=stated, columns=columns, taken=taken)
 
 
 def chosen(log: SurveyedLog) -> dict[str, Proposal]:
@@ -414,7 +394,7 @@ def _one_velocity(proposals: Sequence[Proposal]) -> list[Proposal]:
     earth = [proposal for proposal in own if proposal.convert]
     plain = [proposal for proposal in own if not proposal.convert]
     whole = {proposal.canonical for proposal in earth} == set(_VELOCITY)
-    measured = not any(proposal.why.startswith(ESTIMATED) for proposal in earth)
+    measured = not any(proposal.estimated for proposal in earth)
     few = len({proposal.canonical for proposal in plain}) < len(_VELOCITY) and measured
     dropped = plain if whole and (not plain or few) else earth
     return [proposal for proposal in proposals if proposal not in dropped]

@@ -64,6 +64,7 @@ class VehicleDraft:
     text: str  #: TOML.
     vehicle: Vehicle | None  #: None for a stub that the user must fill in.
     source: str  #: Words: "built-in bluerov2-heavy, by FRAME_CONFIG = 2", "the file x.toml", "a stub".
+    built_in: bool = False  #: Whether it is a built-in vehicle.
     certain: bool = True  #: Whether the log or the user says so.
 
 
@@ -86,7 +87,7 @@ def draft_vehicle(
                 return VehicleDraft(text, vehicle, f"the file {given}")
             note = f"I_y and I_z of a hull that fills {100 * share:.0f} % of its cylinder, for it gives none"
             return VehicleDraft(filled, Vehicle.from_toml(filled), f"the file {given} ({note})")
-        return VehicleDraft(vehicle.to_toml(), vehicle, f"the built-in vehicle {given}")
+        return VehicleDraft(vehicle.to_toml(), vehicle, f"the built-in vehicle {given}", built_in=True)
     frame = next((log.parameters["FRAME_CONFIG"] for log in logs if "FRAME_CONFIG" in log.parameters), None)
     motors = [name for name in actuators if re.fullmatch(r"thruster_\d+", name)]
     if frame is not None and not (np.isfinite(frame) and frame == int(frame)):
@@ -99,7 +100,7 @@ def draft_vehicle(
         name = _BUILT_IN[int(frame)]
         vehicle = Vehicle.load(name)
         note = f"the built-in vehicle {name}: FRAME_CONFIG is {frame:g}, {FRAME_NAMES[int(frame)]}"
-        return VehicleDraft(vehicle.to_toml(), vehicle, note)
+        return VehicleDraft(vehicle.to_toml(), vehicle, note, built_in=True)
     ardupilot = any(log.format in ("dataflash", "mavlink") for log in logs)
     if frame is None and ardupilot and len(motors) == SETTINGS.heavy_motors:
         name = _BUILT_IN[2]
@@ -108,10 +109,12 @@ def draft_vehicle(
             f"the built-in vehicle {name}, by its eight motor channels: the log has no FRAME_CONFIG; check"
             f" that the frame is {FRAME_NAMES[2]}"
         )
-        return VehicleDraft(vehicle.to_toml(), vehicle, note, certain=False)
+        return VehicleDraft(vehicle.to_toml(), vehicle, note, built_in=True, certain=False)
     known = None if frame is None else dict(enumerate((*FRAME_NAMES, "CUSTOM"))).get(int(frame), "unknown")
     number = "" if frame is None else f" for FRAME_CONFIG {frame:g}, {known}"
-    return VehicleDraft(_stub(logs, actuators), None, f"a stub{number}: measures are to be filled in", False)
+    return VehicleDraft(
+        _stub(logs, actuators), None, f"a stub{number}: measures are to be filled in", certain=False
+    )
 
 
 def hull_inertia(mass: float, length: float, radius: float, fullness: float) -> float:

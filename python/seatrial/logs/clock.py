@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from seatrial.base.arrays import Array, Mask, runs
-from seatrial.base.errors import printable
+from seatrial.logs.log import Note
 
 if TYPE_CHECKING:
     import polars as pl
@@ -313,40 +313,30 @@ def seconds(cells: pl.Series) -> tuple[Array, bool] | None:
     return None
 
 
-def unfit(name: str, numbers: Array, cells: Sequence[str | None], row: int) -> str:
-    """Clause on why the column `name` is no time: its `numbers` (n,) and `cells`, the first in line `row`.
+def unfit(name: str, numbers: Array, cells: Sequence[str | None], row: int) -> Note:
+    """Why the column `name` is no time: its `numbers` (n,) and `cells`, the first in line `row`.
 
     Examples
     --------
-    >>> unfit("time", np.array([3.0, 3.0]), ["3", "3"], 2)
+    >>> str(unfit("time", np.array([3.0, 3.0]), ["3", "3"], 2))
     'column "time" is 3 in all of the first 2 rows; expected times that rise: write the time of each row'
     """
-    called = f'column "{printable(name)}"'
     given = [(k, cell) for k, cell in enumerate(cells) if cell]
     known = np.flatnonzero(np.isfinite(numbers))
     if not given:
-        return f"{called} is empty; expected times that rise: write the time of each row"
+        return Note.of("time empty", name, where="")
     # Half: a single damaged cell is no reason against a column.
     if len(known) <= 0.5 * len(given):
         k, cell = next((k, cell) for k, cell in given if not np.isfinite(numbers[k]))
-        return (
-            f'{called} holds "{printable(cell, 40)}" in line {row + k}, whose form is not known; expected'
-            " seconds or a date such as 2024-06-01T12:58:30.25+02:00 or 06/01/2024 02:58:30 PM: write it so"
-        )
+        return Note.of("time of unknown form", name, cell=cell, line=row + k)
     if np.ptp(numbers[known]) == 0.0:
-        return (
-            f"{called} is {numbers[known[0]]:.10g} in all of the first {len(known)} rows; expected times that"
-            " rise: write the time of each row"
-        )
+        return Note.of("time constant", name, value=float(numbers[known[0]]), rows=len(known))
     falls = np.diff(numbers[known]) < 0.0
     if not falls.any():
-        return f"{called} is empty in most rows; expected times that rise: write the time of each row"
+        return Note.of("time empty", name, where=" in most rows")
     k = int(np.argmax(falls))
-    (a, b), (x, y) = known[k : k + 2], numbers[known[k : k + 2]]
-    return (
-        f"{called} runs backwards, from {x:.10g} in line {row + a} to {y:.10g} in line {row + b}, and goes on"
-        " so; expected times that rise: sort the rows of the file by time"
-    )
+    beside = [(float(numbers[at]), row + int(at)) for at in known[k : k + 2]]
+    return Note.of("time falls", name, falls=beside)
 
 
 def joined_names(units: Mapping[str, str]) -> tuple[str, str] | None:
@@ -376,14 +366,14 @@ def time_column(
     numbers: Callable[[pl.Series], Array],
     *,
     first_row: int,
-) -> tuple[TimeColumn | None, str]:
+) -> tuple[TimeColumn | None, Note | None]:
     """The time among some columns, and why the likeliest one is none.
 
     `units`: by column, "" where none is stated. `candidates`: columns that may be the time, the likeliest
     first. `head`: first rows of the table. `numbers`: numbers of a column's cells. `first_row`: line of the
     first row, for the reason.
     """
-    why = ""
+    why: Note | None = None
     records = [name for name in candidates if not is_header_stamp(name)]
 
     def rising(name: str) -> tuple[Array, TimeScale] | None:
@@ -411,19 +401,18 @@ def time_column(
         stamps = numbers(head[pair[0]]) + 1e-9 * numbers(head[pair[1]])
         finite = stamps[np.isfinite(stamps)]
         if len(finite) > 0.5 * head.height and rises(finite) and of_record(stamps):
-            return TimeColumn(*pair, TimeScale(1.0, unix=bool(np.median(finite) > SETTINGS.unix_from_s))), ""
+            return TimeColumn(
+                *pair, TimeScale(1.0, unix=bool(np.median(finite) > SETTINGS.unix_from_s))
+            ), None
     for name in candidates:
         if (read := rising(name)) is not None:
             values, scale = read
             if not is_header_stamp(name) or of_record((values - scale.origin) * scale.factor):
-                return TimeColumn(name, None, scale), ""
+                return TimeColumn(name, None, scale), None
         elif clock_times(head[name]) is not None:
-            return TimeColumn(name, None, None), ""
+            return TimeColumn(name, None, None), None
         elif str(head[name].dtype) == "Date":
-            why = why or (
-                f'column "{printable(name)}" holds days without a time, the first {head[name][0]}; expected'
-                " seconds, or dates with the time of day: write them so"
-            )
+            why = why or Note.of("days without time", name, first=str(head[name][0]))
         elif name in records or not records:
             why = why or unfit(name, numbers(head[name]), _texts(head[name]), first_row)
     return None, why

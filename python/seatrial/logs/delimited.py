@@ -120,7 +120,7 @@ class Table(Log):
             first_row=self.layout.first_row,
         )  # fmt: skip
         if column is not None:
-            self.timeless = ""
+            self.timeless = None
             return column
         first = self.layout.names[0]
         values = self._numbers(head[first], 0, [], Counter())

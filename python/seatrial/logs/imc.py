@@ -169,6 +169,7 @@ class _Lsf(Log):
                         continue
                     _, kind, length, stamp, source, entity = struct.unpack_from(order + "HHHdHB", data, begin)
                     end = begin + _HEADER + length + _FOOTER
+                    # The packet may go on in the next block; at the end of the file it is cut or no packet.
                     if end > len(data):
                         if block:
                             break
@@ -176,6 +177,7 @@ class _Lsf(Log):
                         begin += 1
                         skipped += 1
                         continue
+                    # What kind a number means is known once such a packet was read.
                     if kinds is None or names.get(kind, "") in kinds or kind not in names:
                         try:
                             message = self._imcpy.Packet.deserialize(data[begin:end])

@@ -139,7 +139,7 @@ class Log(ABC):
     parameters: dict[str, float] = field(default_factory=dict)
     #: How something was read that the log does not state; nothing was lost by it.
     assumptions: list[Note] = field(default_factory=list)
-    timeless: str = ""  #: Why no row has a time, and what to do; "" where the log has no column for it.
+    timeless: Note | None = None  #: Why no row has a time; None where the log has no column for it.
     units_in: str = ""  #: Where a row of the file states the units, as "line 3"; "" where none does.
     #: What the fields without numbers hold instead, by topic and field.
     words: dict[tuple[str, str], str] = field(default_factory=dict)

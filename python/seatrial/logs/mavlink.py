@@ -206,10 +206,12 @@ class _Telemetry(Log):
                 raise TrialError(
                     f"{self.path}: more than {READING_SETTINGS.most_topics} topics; the file is damaged"
                 )
+            # A field appears when a message first has it: arrays have one per element.
             for name in values:
                 if name not in known:
                     known[name] = str(message.fieldunits_by_name.get(name.partition("[")[0], ""))
             received = float(message._timestamp)
+            # The time since boot, beside the reception, tells the clock of its sender.
             boot = _since_boot(message)
             if boot is not None:
                 self._clocks.learn(sender, (sender, kind), boot[0], received, boot[1])
@@ -223,6 +225,7 @@ class _Telemetry(Log):
                 if not own_modes or now != own_modes[-1].text:
                     own_modes.append(Event(received, "mode", now))
         del spoken[_GROUND]
+        # Events, parameters and bare topic names are those of the vehicle alone.
         self._vehicle = max(spoken, key=lambda system: spoken[system], default=0)
         self._units = {self._topic(sender, name): f for sender, k in units.items() for name, f in k.items()}
         self._events += modes.get(self._vehicle, [])

@@ -108,7 +108,7 @@ class _Parquet(Log):
         typed = [name for name in names if self._schema[name].is_temporal() and name not in candidates]
         candidates += typed
         if not candidates:
-            self.note("no time", why="")
+            self.note("no time", why=None)
             return None
         pair = [name for name in joined_names(dict.fromkeys(names, "")) or () if name not in candidates]
         head = self._part(0, min(2_000, self._height), [*candidates, *pair])

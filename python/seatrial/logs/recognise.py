@@ -52,6 +52,8 @@ class Proposal:
     why: str = ""  #: What it was told from.
     certain: bool = True  #: Whether the log documents it; otherwise it is a guess to look at.
     rank: int = 0  #: Smaller is better, among proposals for one canonical column.
+    named: bool = False  #: Whether only the name of the field says so.
+    estimated: bool = False  #: Whether a filter wrote it, and no instrument measured it.
 
     @property
     def source(self) -> str:
@@ -252,24 +254,30 @@ def _documented(format: str, topics: Sequence[Topic]) -> Iterator[Proposal]:
             dead = all(_constant(fields[name]) for name in rule.fields.values())
             for canonical, name in rule.fields.items():
                 why = f"{format} documents {topic.name}.{name}" + ("; it never changes" if dead else "")
-                if (format, topic.name.partition("[")[0]) in _ESTIMATORS:
-                    why = f"{ESTIMATED}, {topic.name}.{name}: no measurement" + "; it never changes" * dead
+                if estimated := of_estimator(format, topic.name):
+                    why = (
+                        f"velocity of the estimator, {topic.name}.{name}: no measurement"
+                        + "; it never changes" * dead
+                    )
                 convert = _TO_BODY[canonical] if rule.convert == _EARTH else rule.convert
                 yield Proposal(
                     canonical, topic.name, name, rule.unit, rule.frame, rule.sign, rule.per, convert,
-                    why=why, rank=rank + 100 * dead,
+                    why=why, rank=rank + 100 * dead, estimated=estimated,
                 )  # fmt: skip
     if _SAME.get(format) == "ros":
         yield from _planar(topics)
 
 
-ESTIMATED = "velocity of the estimator"
-"""Begin of the reason of a velocity that no instrument measured."""
-
 _ESTIMATORS = {
     ("dataflash", "XKF1"), ("dataflash", "NKF1"), ("mavlink", "GLOBAL_POSITION_INT"),
     ("ulog", "vehicle_local_position"), ("mavlink", "LOCAL_POSITION_NED"),
 }  # fmt: skip
+
+
+def of_estimator(format: str, topic: str) -> bool:
+    """Whether a topic holds what a filter of the autopilot estimates."""
+    return (format, topic.partition("[")[0]) in _ESTIMATORS
+
 
 _TO_BODY = {"u_m_s": "north", "v_m_s": "east", "w_m_s": "down"}
 
@@ -416,7 +424,7 @@ def _by_name(topics: Sequence[Topic]) -> Iterator[Proposal]:
             yield Proposal(
                 canonical, topic.name, field.name, unit, axes, convert=convert,
                 why=f"its name; {why}" + ("; frame as in ROS, by the names" if axes else ""),
-                certain=certain and not axes, rank=rank + 1000 * _constant(field),
+                certain=certain and not axes, rank=rank + 1000 * _constant(field), named=True,
             )  # fmt: skip
 
 
@@ -552,11 +560,11 @@ def unknown_unit(proposal: Proposal, field: Field) -> bool:
     Examples
     --------
     >>> field = Field("yaw", "grad", 50, -1.0, 1.0, 0.0, 0.5, 0.0)
-    >>> unknown_unit(Proposal("yaw_deg", "nav", "yaw", "rad", why="its name; unit rad by its range"), field)
+    >>> unknown_unit(Proposal("yaw_deg", "nav", "yaw", "rad", named=True), field)
     True
     """
     unit = field.unit.strip()
-    return not no_unit(unit) and unit_of(unit) is None and proposal.why.startswith("its name")
+    return not no_unit(unit) and unit_of(unit) is None and proposal.named
 
 
 def _told_unit(field: Field) -> tuple[str, str] | None:

@@ -382,6 +382,7 @@ def measure(
             ' column of it; leave it out, or fly with navigation = "filter"'
         )
     around = Surroundings() if conditions is None else conditions
+    # Perfect sensors in the rows of the log, and between them for those with stamps of their own.
     log, fine = Ideal(run, around, every=every), Ideal(run, around)
     in_step = not any(asynchronous(sensor, log.t) for sensor in sensors.values())
     samples: list[tuple[tuple[str, ...], Array, Array]] = []
@@ -392,6 +393,7 @@ def measure(
             np.round(stamps, SETTINGS.digits),
             np.round(cells, SETTINGS.digits),
         ))
+    # Rows of the table: those of the log, or every stamp at which a sensor gave something.
     t = np.round(log.t, SETTINGS.digits)
     if not in_step:
         seen = [stamps[np.isfinite(cells).any(axis=1)] for _, stamps, cells in samples]
@@ -404,6 +406,7 @@ def measure(
             column = np.full(len(t), np.nan)
             column[row[known]] = cells[known, k]
             table[name] = pl.Series(name, column, nan_to_null=True)
+    # Inputs are known in the rows of the log alone.
     row = np.searchsorted(t, np.round(log.t, SETTINGS.digits))
     for name, values in (inputs or {}).items():
         column = np.full(len(t), np.nan)

@@ -104,6 +104,8 @@ def align(
     given = given or Corrections()
     if "velocity" in names and "velocity" in signals:
         _report_scale_of_depth(signals, report, sources)
+    # A wrong convention of the attitude makes signs look reversed, so it is looked for first; then no sign is
+    # corrected.
     gyro = _compared(signals, "rates") if {"rates", "attitude"} <= set(signals) and "rates" in names else None
     convention = _convention(gyro, signals, sources)
     if convention is not None:
@@ -122,6 +124,7 @@ def align(
         ):
             report.info("latency not estimated", name, interval_s=signals["position"].step)
             continue
+        # Signs first: a latency is told by a sensor that follows the pose.
         compared = gyro if name == "rates" else _compared(signals, name)
         automatic = given.automatic and convention is None
         fixed = {*given.signs, *given.axes, *(() if automatic else signals[name].channels)}
@@ -136,6 +139,7 @@ def align(
         aligned[name] = sensor
         if not remove or name in given.delay:
             continue
+        # Only a delay that is certain is removed; another one is reported.
         delay = None if compared is None else _latency(compared, float(t[1] - t[0]))
         if delay is None:
             at_end = compared is not None and compared.at_end and any(axis.moves for axis in compared.follows)
@@ -378,6 +382,7 @@ def _say_scale(
     does, in m/s or rad/s.
     """
     scale = shown / max(moved, 1e-300)
+    # Which of the two has a size that no vehicle has, has the wrong unit.
     side = implausible_side(shown, moved, sensor.name)
     if 1.0 / SETTINGS.other_scale < scale < SETTINGS.other_scale or side == "both":
         return
@@ -400,6 +405,7 @@ def _say_scale(
     units = {**UNITS[sensor.name], _SI[sensor.name]: 1.0}
     for column in columns:
         source = sources[column]
+        # A unit explains the scale if the sensor would agree with the pose in it.
         stated = _size_of_unit(source.unit, group)
         likely = [
             unit for unit, size in units.items() if abs(scale * size / stated - 1.0) < SETTINGS.unit_tolerance

@@ -147,6 +147,7 @@ def assemble(signals: Mapping[str, Signal], t: Array, report: RecordingReport) -
     observed = np.full((len(t), 12), np.nan)
     filled = np.zeros((len(t), 9))
     valid = np.zeros((len(t), 12), bool)
+    # Vectors are linear between their samples; what is far from any is filled, and not valid.
     for name in ("position", "depth", "velocity", "rates"):
         if name in signals:
             _report_gaps(signals[name], report)
@@ -154,6 +155,8 @@ def assemble(signals: Mapping[str, Signal], t: Array, report: RecordingReport) -
             filled[:, columns], valid[:, columns] = linear(signals[name], t)
             observed[:, columns] = filled[:, columns]
     _only_fixes(signals, valid, report)
+    # An attitude turns: it is interpolated as a quaternion. What no sensor of velocity or rates gave follows
+    # from the pose.
     if "attitude" in signals:
         _report_gaps(signals["attitude"], report)
         attitude, good = angles(signals["attitude"], t)
@@ -164,11 +167,13 @@ def assemble(signals: Mapping[str, Signal], t: Array, report: RecordingReport) -
         _derive(observed, valid, filled, attitude, turned, t, report)
     else:
         attitude = np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1))
+    # Where the command in force is unknown, nothing may be compared with a simulation.
     silent = _silent(signals, t, report)
     valid[silent] = False
     for k in range(12):
         observed[~np.isfinite(observed[:, k]), k] = np.nan
     absent = np.logical_and.reduce(np.isnan(observed), axis=0)
+    # The report tells of the common time base, and which channels are masked or missing in it.
     report.samples, report.duration_s = len(t), float(t[-1] - t[0])
     report.rate_hz = (len(t) - 1) / report.duration_s
     report.masked = {
@@ -192,6 +197,7 @@ def assemble(signals: Mapping[str, Signal], t: Array, report: RecordingReport) -
         "current": _vector(signals, t, "current", ("north", "east", "down")),
         "water": _vector(signals, t, "water velocity", ("u_water", "v_water", "w_water")),
     }
+    # One Doppler log that sees bottom and water gives the current, unless one was recorded.
     if "water velocity" in signals and "current" not in signals and "velocity" in signals:
         known = [linear(signals[name], t)[1] for name in ("velocity", "water velocity")]
         whole = [k.shape[1] == 3 for k in known]

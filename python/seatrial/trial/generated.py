@@ -179,6 +179,7 @@ class Recipe:
         )
         if file.sailed is None:
             return recipe
+        # A recipe with an autopilot has no commands of its own: it is flown for them.
         sailed = Sailed.of(
             file.sailed,
             path,

@@ -365,6 +365,7 @@ def assigned(
     excited = np.abs(rho).max(axis=1) > SETTINGS.believed_correlation
     if not excited.any():
         return None
+    # At that delay each channel is judged beside all axes that may leak into it.
     whole = reference if beside is None else np.concatenate([reference, beside], axis=1)
     first, second = shifted(delay, grid.step, len(whole))
     motion = band(whole, good, grid, cut=False)[first]
@@ -376,12 +377,14 @@ def assigned(
         axis = follows(motion, k, factor * channels[:, j], both, step=grid.step, kind=kind, lag=delay)
         return replace(axis, rival=other[axis.gain < 0.0])
 
+    # The candidate: the exchange and signs with the largest correlations, in the unit that sizes tell.
     order, signs = _candidate(rho, excited)
     places = range(len(names))
     size = _size(a, b, [k for k in places if excited[k]], order)
     unit = unit_of(size, kind)
     factor = 1.0 if unit is None else unit[1]
     given = [judged(k, order[k], factor) for k in places]
+    # It is believed if every axis that moves and changes fails as recorded, and stands as the candidate says.
     changed = [k for k in places if order[k] != k or signs[k] < 0.0]
     moved = [k for k in changed if given[k].moves]
     fails = [rho[k, k] for k in moved]
@@ -460,9 +463,8 @@ def unit_of(ratio: float, kind: str) -> tuple[str, float] | None:
     if not ratio > 0.0 or 1.0 / SETTINGS.other_unit < ratio < SETTINGS.other_unit:
         return None
     for name, x in UNITS[kind].items():
-        far = (
-            x < 1.0 / SETTINGS.far_unit or x > SETTINGS.far_unit
-        )  # no other unit is near: noise may make up a part of the size
+        # No other unit is near a far one: noise may make up a part of the size.
+        far = x < 1.0 / SETTINGS.far_unit or x > SETTINGS.far_unit
         if abs(ratio * x - 1.0) < (SETTINGS.far_unit_tolerance if far else SETTINGS.unit_tolerance):
             return name, x
     return None

@@ -105,12 +105,14 @@ def fitted(
     if good.sum() * grid.step < SETTINGS.least_widths * grid.width:
         return None
     before = robust_rms(y[good])
+    # Several starts: a delay has many minima.
     problem = _Problem(residual, grid)
     begun = [problem.descend(values | dict(start), active) for start in starts]
     values = begun[0]
     for other in begun[1:]:
         if robust_rms(_used(residual(other))) < SETTINGS.clearly_better * robust_rms(_used(residual(values))):
             values = other
+    # Forward: the candidate that explains most enters, until none would count.
     while candidates:
         chosen = _next(problem, bare, values, active, candidates)
         if chosen is None:

@@ -227,6 +227,7 @@ class Mixer:
             # Held from sample to sample; at rest before the first one.
             last = np.maximum.accumulate(np.where(sampled[name], np.arange(len(y)), -1))
             sticks[name] = stick.value(np.where(last >= 0, y[np.maximum(last, 0)], stick.trim))
+        # Outputs in the order of actuators, each in the unit of its command.
         columns: dict[str, Array] = {}
         for name, output in self.all_outputs().items():
             total = np.zeros(table.height)
@@ -240,6 +241,7 @@ class Mixer:
             columns[name if name in WRENCH else f"cmd.{name}"] = np.where(rows, values, np.nan)
         if self.supply_v is not None:
             columns["voltage_v"] = np.full(table.height, self.supply_v)
+        # What is given twice would be taken from either.
         for name in columns:
             if name in table.columns or name in (given or {}):
                 raise TrialError(

@@ -187,6 +187,7 @@ def _cells_of_csv(path: Path, layout: Layout | None) -> pl.DataFrame:
             if layout.decimal_comma
             else table
         )
+    # A plain table is read by polars at once: numbers where the first rows hold some, text otherwise.
     with path.open(encoding="utf-8", errors="replace") as file:
         header = next((line for line in file if line.strip() and not line.startswith("#")), "")
     separator = max(",;\t", key=header.count)

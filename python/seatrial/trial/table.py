@@ -233,6 +233,7 @@ def _attitude(
             + ", ".join(f'"{frame}"' if frame else "none" for frame in sorted(stated, key=str))
         )
     unknown: Mask | None = None
+    # Angles: one that was not recorded counts as zero, and one that is missing for a while is bridged.
     if group.name == "euler":
         absent = [k for k, name in enumerate(group.columns) if name not in given]
         if absent:
@@ -245,6 +246,7 @@ def _attitude(
         channels = tuple(group.channels[k] for k in range(3) if k not in absent)
     else:
         bad = np.logical_or.reduce(~np.isfinite(y), axis=1)
+        # Quaternions: zeros are no sample; another length than one is an interpolation over a sign flip.
         norm = np.linalg.norm(np.where(bad[:, None], 1.0, y), axis=1)
         zero = np.flatnonzero(norm < SETTINGS.least_norm)
         if 0 < len(zero) <= SETTINGS.filled_share * len(norm):

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from seatrial.base.errors import printable
 from seatrial.base.finding import Finding
 from seatrial.logs.delimited import shared_name
+from seatrial.logs.names import KNOWN_UNITS
 
 
 def note(finding: Finding) -> str:
@@ -86,7 +87,7 @@ def _component_clock(finding: Finding) -> str:
 
 
 def _time_taken(finding: Finding) -> str:
-    why = finding["why"] or "no column is called time"
+    why = str(finding["why"] or "") or "no column is called time"
     return f'{why}; taken: the first, "{printable(finding.subject)}", which rises'
 
 
@@ -136,9 +137,51 @@ def _small_pressure(finding: Finding) -> str:
 
 def _velocity_turned(finding: Finding) -> str:
     words = "velocity: north, east and down turned into the body's axes by the attitude"
-    if why := finding["estimated"]:
-        return f"{words}; {why}: it has the delay and the model of its filter; add a Doppler log"
+    if field := finding["estimated"]:
+        return (
+            f"{words}; velocity of the estimator, {field}: no measurement: it has the delay and the model of"
+            " its filter; add a Doppler log"
+        )
     return words
+
+
+def _rows(count: int) -> str:
+    return f"{count:,} row{'s' if count != 1 else ''}"
+
+
+def _numbers_too_few(finding: Finding) -> str:
+    count = f"{finding['numbers']} numbers" if finding["numbers"] else "no number"
+    content = f"{count} in {_rows(finding['rows'])} ({finding['text'] or 'empty cells or NaN'})"
+    return (
+        f'column "{printable(finding.subject)}" ({finding["canonical"]} by its name) is not used: {content};'
+        f" expected at least {finding['fewest']} numbers: write them, or remove the column"
+    )
+
+
+def _unit_not_known(finding: Finding) -> str:
+    where = f"{finding.subject}: " if finding.subject else ""
+    columns = ", ".join(f'"{printable(name)}"' for name in finding["columns"])
+    return (
+        f'{where}the unit "{printable(finding["unit"], 20)}" of {columns} is not known,'
+        f" {finding['taken'] or 'none'} was taken; known are {', '.join(KNOWN_UNITS)}: correct it in the"
+        ' file, or give unit = "..." in map.toml'
+    )
+
+
+def _time_form(finding: Finding) -> str:
+    return (
+        f'column "{printable(finding.subject)}" holds "{printable(finding["cell"], 40)}" in line'
+        f" {finding['line']}, whose form is not known; expected seconds or a date such as"
+        " 2024-06-01T12:58:30.25+02:00 or 06/01/2024 02:58:30 PM: write it so"
+    )
+
+
+def _time_falls(finding: Finding) -> str:
+    (x, first), (y, second) = finding["falls"]
+    return (
+        f'column "{printable(finding.subject)}" runs backwards, from {x:.10g} in line {first} to {y:.10g} in'
+        f" line {second}, and goes on so; expected times that rise: sort the rows of the file by time"
+    )
 
 
 def _metres(finding: Finding) -> str:
@@ -234,8 +277,24 @@ _NOTES: dict[str, Callable[[Finding], str]] = {
     "no names": lambda f: "no row of names: the columns are called column_1, column_2, ...",
     "no definitions": lambda f: "the bag has no message definitions; those of ROS 2 Humble were taken",
     # Time.
-    "no time": lambda f: f["why"] or "no column is a time: name one in the map, or this file cannot be used",
+    "no time": lambda f: (
+        str(f["why"] or "") or "no column is a time: name one in the map, or this file cannot be used"
+    ),
     "time taken": _time_taken,
+    "time empty": lambda f: (
+        f'column "{printable(f.subject)}" is empty{f["where"]}; expected times that rise: write the time of'
+        " each row"
+    ),
+    "time of unknown form": _time_form,
+    "time constant": lambda f: (
+        f'column "{printable(f.subject)}" is {f["value"]:.10g} in all of the first {f["rows"]} rows; expected'
+        " times that rise: write the time of each row"
+    ),
+    "time falls": _time_falls,
+    "days without time": lambda f: (
+        f'column "{printable(f.subject)}" holds days without a time, the first {f["first"]}; expected'
+        " seconds, or dates with the time of day: write them so"
+    ),
     "scale of time": lambda f: f"{f.subject}: {f['how']}",
     "time zone": lambda f: f"clock: time zone offset {f['offset_s']} s as logged, not applied",
     "system clock": _system_clock,
@@ -259,6 +318,11 @@ _NOTES: dict[str, Callable[[Finding], str]] = {
     "equal stamps": lambda f: f"{f.subject}: {f['rows']} rows with the stamp of the next one left out",
     "short": lambda f: f"{f.subject}: covers {f['covered_s']:.4g} s of {f['of_s']:.4g} s",
     # What an import makes of the fields.
+    "rows too few": lambda f: (
+        f"{_rows(f['rows'])}, expected at least {f['fewest']}: none of its columns is used"
+    ),
+    "numbers too few": _numbers_too_few,
+    "unit not known": _unit_not_known,
     "of file": lambda f: f"{f.subject}: {f['note']}",
     "velocity not used": lambda f: (
         "velocity over the earth is not used: expected"
