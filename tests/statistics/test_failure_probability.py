@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import betabinom, binom
 
+from seatrial.report.results.verification_findings import verdict
 from seatrial.statistics.proportions import (
     FailureProbability,
     clopper_pearson,
@@ -150,7 +151,7 @@ def test_a_count_reads_as_a_share_with_its_interval(failures: int, runs: int, te
     ],
 )
 def test_a_verdict_says_what_it_rests_on(failures: int, runs: int, text: str) -> None:
-    assert text in FailureProbability(failures, runs).sentence(0.01)
+    assert text in verdict(FailureProbability(failures, runs), 0.01)
 
 
 @pytest.mark.parametrize("failures", [0, 1, 7])

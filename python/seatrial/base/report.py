@@ -250,9 +250,9 @@ def words_of(finding: Finding) -> str:
     return f"{words.problem(finding)}; {words.remedy(finding)}"
 
 
-def clause_of(finding: Finding, writer: str) -> str:
-    """A finding as a clause, in the words of a module of `seatrial.report.results`."""
-    return str(importlib.import_module(f"seatrial.report.results.{writer}").problem(finding))
+def clause_of(what: object, writer: str) -> str:
+    """A finding, or the like, as a clause in the words of a module of `seatrial.report.results`."""
+    return str(importlib.import_module(f"seatrial.report.results.{writer}").problem(what))
 
 
 def report_of(result: object, **options: Any) -> Report:

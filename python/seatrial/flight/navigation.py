@@ -265,11 +265,12 @@ class NavigationFilter:
         within("start_deviation_m", start_deviation_m, (1e-3, 1e5), "m")
         self._period_s = float(period_s)
         numbers = noise.numbers() | gate.numbers()
+        place = checked_triple("start", start, "north, east, down in m")
         self._stated: dict[str, Any] = {
             "instruments": _instruments(sensors, self._vehicle, tilt or {}),
             "landmarks": _landmarks(landmarks or {}),
             "bottom": None if seabed is None else _bottom(seabed),
-            "start": (*checked_triple("start", start, "north, east, down in m"), float(start_deviation_m)),
+            "start": (*place, float(start_deviation_m)),
             **numbers,
         }
         self._waves = None if noise.waves is None else noise.waves.row

@@ -138,34 +138,6 @@ class FailureProbability(Plain, only="failures runs interval"):
             return "held"
         return "failed" if self.at_least > allowed else "undecided"
 
-    def sentence(self, allowed: float) -> str:
-        """The verdict against the allowed failure probability in words, with what it rests on.
-
-        Examples
-        --------
-        >>> print(FailureProbability(0, 100).sentence(0.01))
-        undecided: at most 3 % of the missions fail (95 % confidence), 1 % is allowed;
-        268 more missions without a failure would suffice at 97.5 %
-        (half the risk, because it is a second look)
-        """
-        verdict, sure = self.verdict(allowed), f"({100.0 * self.confidence:g} % confidence)"
-        limit = f"{share(allowed)} is allowed"
-        if verdict == "failed":
-            return f"failed: at least {share(self.at_least, 'down')} of the missions fail {sure}, {limit}"
-        bound = f"{verdict}: at most {share(self.at_most, 'up')} of the missions fail {sure}, {limit}"
-        if verdict == "held":
-            return bound
-        again = self.looked_at_again
-        careful = f"at {100.0 * again.confidence:.6g} % (half the risk, because it is a second look)"
-        if self.failures == 0:
-            more = runs_needed(allowed, confidence=again.confidence) - self.runs
-            missions = "mission" if more == 1 else "missions"
-            return f"{bound}; {more} more {missions} without a failure would suffice {careful}"
-        about = further_runs(self, allowed)
-        if about is None:
-            return f"{bound}; the share is so close to it that a billion missions may not decide it"
-        return f"{bound}; about {_rounded(about)} more missions will probably decide it {careful}"
-
     def __str__(self) -> str:
         """Count, share and interval; without a failure the bound on one side and the rule of three."""
         counted = f"{self.failures} of {self.runs} missions failed"
@@ -291,12 +263,6 @@ def _most_held(runs: int, allowed: float, confidence: float) -> int:
     least = int(binom.ppf(1.0 - confidence, runs, allowed))
     rare = bool(binom.cdf(least, runs, allowed) <= 1.0 - confidence)
     return least if rare else least - 1
-
-
-def _rounded(number: int) -> int:
-    """To two figures upwards, as is meant by "about"."""
-    step = int(10 ** max(0, len(str(number)) - 2))
-    return -(-number // step) * step
 
 
 def _countable(failures: Array, runs: Array, confidence: float) -> None:

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     from seatrial.verification.missions import CampaignFlights
     from seatrial.verification.requirement import Requirement
     from seatrial.verification.scenario import Scenario
+
+_KIND: Final = "failure boundary"  # of the run
 
 VARIABLES: Mapping[str, str] = {
     "current_speed_m_s": "speed of the mean current",
@@ -211,6 +213,7 @@ class BoundarySurvey:
                 self.x.append(place)
                 if progress is not None:
                     done, left = len(self.x), self.places - len(self.x)
+                    missions = f"{done * self.runs} of {self.places * self.runs} missions flown"
                     progress(
                         Progress(
                             what="boundary",
@@ -219,7 +222,7 @@ class BoundarySurvey:
                             fraction=done / self.places,
                             elapsed_s=clock.elapsed_s,
                             left_s=clock.left_s(done, left),
-                            detail=f"{done * self.runs} of {self.places * self.runs} missions flown",
+                            detail=missions,
                         )
                     )
 
@@ -488,10 +491,7 @@ class Boundary:
             vehicle.with_coefficients(coefficients_at(asked, corner))
         clock, interrupted = Clock(), False
         threads = threads_of(work.threads, work.executor)
-        with (
-            RunDirectory(work.run_dir, "failure boundary", resume=work.resume) as run,
-            fleet_of(work.executor) as fleet,
-        ):
+        with RunDirectory(work.run_dir, _KIND, resume=work.resume) as run, fleet_of(work.executor) as fleet:
             survey = BoundarySurvey(scenario, asked, chosen, run, threads, fleet)
             try:
                 survey.fly(work.progress, clock)
@@ -512,7 +512,7 @@ class Boundary:
                 runs_per_place=survey.runs,
                 interrupted=interrupted,
                 facts=scenario.facts(
-                    "failure boundary",
+                    _KIND,
                     clock=clock,
                     options={
                         "variables": {variable.name: [variable.low, variable.high] for variable in asked},

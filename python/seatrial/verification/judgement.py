@@ -37,6 +37,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, VehicleError
 from seatrial.base.finding import Finding, Severity
 from seatrial.base.plain import Plain
+from seatrial.base.report import clause_of
 from seatrial.statistics import proportions
 from seatrial.statistics.proportions import FailureProbability
 from seatrial.vehicle.actuators import NOMINAL_V
@@ -100,7 +101,7 @@ class JudgedRequirement(
     @property
     def sentence(self) -> str:
         """The verdict in words, with what it rests on."""
-        return self.found.sentence(self.requirement.allowed)
+        return clause_of(self, "verification_findings")
 
     @property
     def further_runs(self) -> int | None:
@@ -187,15 +188,6 @@ def _worst(
     )
 
 
-_MISSING = {
-    "altitude_smallest_m": "there is no bottom; add seabed under [verification]",
-    **dict.fromkeys(
-        ("clearance_m", "clearance_reserve_m"),
-        "nothing stands in the water; add [[obstacles]] to the mission",
-    ),
-}
-
-
 def check_energy(requirement: Requirement, vehicle: Vehicle) -> None:
     """Refuse a requirement on the energy of a vehicle that tells no power.
 
@@ -216,97 +208,87 @@ def check_energy(requirement: Requirement, vehicle: Vehicle) -> None:
         )
 
 
-def metrics_without_value(requirements: Sequence[Requirement], flown: FlownMissions) -> tuple[str, ...]:
-    """Sentences on requirements that every mission had to hold, or none could."""
-    said = []
-    for one in requirements:
-        none_held = not one.judge(flown.metrics).held.any()
-        for name in one.metrics:
+def metrics_without_value(requirements: Sequence[Requirement], flown: FlownMissions) -> list[Finding]:
+    """Requirements that every mission had to hold, or none could."""
+    remarks = []
+    for requirement in requirements:
+        none_held = not requirement.judge(flown.metrics).held.any()
+        for name in requirement.metrics:
             if KNOWN[name].kind != "number":
                 continue
             values = np.asarray(flown.metrics[name], dtype=float)
             known = values[~np.isnan(values)]
             if not len(known) and none_held:
-                said.append(
-                    f'"{one.name}" asks for {name}, which no mission has, so the requirement always fails.'
-                )
-            if name in _MISSING and len(known) and np.isposinf(known).all():
-                said.append(
-                    f'"{one.name}" asks for {name}, and {_MISSING[name]}: as it is, the metric is infinite'
-                    " in all missions and shows nothing."
-                )
-    return tuple(said)
+                remarks.append(Finding("metric unknown", Severity.NOTE, requirement.name, {"metric": name}))
+            if name in _NEEDING_SURROUNDINGS and len(known) and np.isposinf(known).all():
+                remarks.append(Finding("metric infinite", Severity.NOTE, requirement.name, {"metric": name}))
+    return remarks
 
 
-def perceived_and_true(requirements: Sequence[Requirement], flown: FlownMissions) -> tuple[str, ...]:
-    """A sentence on which errors are perceived and which are true; none where they are the same."""
+_NEEDING_SURROUNDINGS = ("altitude_smallest_m", "clearance_m", "clearance_reserve_m")
+"""Metrics that are infinite without a bottom, or without obstacles."""
+
+
+def perceived_and_true(requirements: Sequence[Requirement], flown: FlownMissions) -> list[Finding]:
+    """Which errors are perceived and which are true; none where they are the same."""
     perceived, true = (
         np.asarray(flown.metrics[name], float) for name in ("cross_track_p95_m", "true_cross_track_p95_m")
     )
     known = np.isfinite(perceived) & np.isfinite(true)
-    # Perceived and true depth that differ by less than 1 mm are of a flight without sensors.
+    # Perceived and true errors that differ by less than 1 mm are of a flight without sensors.
     if not known.any() or np.allclose(perceived[known], true[known], rtol=0.0, atol=1e-3):
-        return ()
-    asked = [f'"{one.name}"' for one in requirements if set(one.metrics) & set(PERCEIVED)]
-    who = f" (which {' and '.join(asked)} ask{'s' if len(asked) == 1 else ''} for)" if asked else ""
-    return (
-        "Errors that guidance perceived, from what its sensors told it, are cross_track_…, vertical_… and"
-        f" missed_by_m{who}; true_cross_track_…, clearance, depths, altitude and attitude are of the vehicle"
-        f" itself. Cross-track p95, median of the missions: {np.median(perceived[known]):.2g} m perceived,"
-        f" {np.median(true[known]):.2g} m true.",
-    )
+        return []
+    values = {
+        "requirements": [asked.name for asked in requirements if set(asked.metrics) & set(PERCEIVED)],
+        "perceived_m": float(np.median(perceived[known])),
+        "true_m": float(np.median(true[known])),
+    }
+    return [Finding("errors perceived", Severity.NOTE, values=values)]
 
 
 _MANY = 0.5
 """Share of the missions without an end from which their time is spoken of."""
 
 
-def beyond_the_vehicle(flights: CampaignFlights, draws: Draws, flown: FlownMissions) -> tuple[str, ...]:
-    """Sentences on missions that time, speed or current keep from being flown, whatever the autopilot does.
+def beyond_the_vehicle(flights: CampaignFlights, draws: Draws, flown: FlownMissions) -> tuple[Finding, ...]:
+    """Missions that time, speed or current keep from being flown, whatever the autopilot does.
 
     `draws` are of the first of the missions, `flown` is what came of them all.
     """
     return (*_time(flights, flown), *_speed(flights, draws))
 
 
-def _time(flights: CampaignFlights, flown: FlownMissions) -> list[str]:
+def _time(flights: CampaignFlights, flown: FlownMissions) -> list[Finding]:
     late = flown.metrics["ending"] == "out of time"
     count = int(np.count_nonzero(late))
     if count < _MANY * len(flown):
         return []
-    given = flights.table.max_time_s
     planned = max(flights.missions[k].planned_time for k in np.unique(flown.mission[late]).tolist())
-    limit = "the longest time allowed" if given is None else f"max_time_s = {given:g}"
-    return [
-        f"{count} of {len(flown)} missions end out of time, by {limit}; flying them is planned to take"
-        f" {planned:.0f} s."
-    ]
+    values = {"count": count, "of": len(flown), "max_time_s": flights.table.max_time_s, "planned_s": planned}
+    return [Finding("out of time", Severity.NOTE, values=values)]
 
 
-def _speed(flights: CampaignFlights, draws: Draws) -> list[str]:
+def _speed(flights: CampaignFlights, draws: Draws) -> list[Finding]:
     from seatrial.control_design.mode_table import top_speeds
 
     vehicle = flights.fitted.vehicle
     try:
         top = top_speeds(vehicle, voltage_v=flights.table.voltage_v or NOMINAL_V)[1]
     except VehicleError as error:
-        return [f"{error}."]
+        return [Finding("told", Severity.NOTE, values={"sentence": f"{error}."})]
     if top <= 0.0:
         return []
-    said = []
+    remarks = []
     for title, mission in zip(flights.titles, flights.missions, strict=True):
         asked = float(np.max(mission.waypoints["speed_m_s"]))
         if asked > top:
-            said.append(
-                f"{title} asks for {asked:g} m/s, more than the top speed of {vehicle.name}, {top:.2f} m/s."
-            )
+            values = {"vehicle": vehicle.name, "asked_m_s": asked, "top_m_s": top}
+            remarks.append(Finding("mission too fast", Severity.NOTE, title, values))
     fast = int(np.count_nonzero(np.hypot(draws.current[:, 0], draws.current[:, 1]) > top))
     if fast:
-        said.append(
-            f"In {fast} of {len(draws)} missions the current is faster than the top speed of {vehicle.name},"
-            f" {top:.2f} m/s."
-        )
-    return said
+        values = {"vehicle": vehicle.name, "count": fast, "of": len(draws), "top_m_s": top}
+        remarks.append(Finding("current too fast", Severity.NOTE, values=values))
+    return remarks
 
 
 def robustness(requirement: Requirement, flown: FlownMissions, flights: CampaignFlights) -> Array:

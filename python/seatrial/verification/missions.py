@@ -452,6 +452,9 @@ def fly_series(flights: CampaignFlights, runs: int, flyer: Flyer, *, autopilot: 
             fresh += 0 if done.kept else len(done.value)
             flown_s, wall_s = flown_s + done.value.flown_s, wall_s + took
             if flyer.progress is not None:
+                detail = (
+                    f"{stop} of {runs} missions flown, {flown_s / max(wall_s, 1e-9):,.0f} times real time"
+                )
                 flyer.progress(
                     Progress(
                         what=autopilot,
@@ -460,8 +463,7 @@ def fly_series(flights: CampaignFlights, runs: int, flyer: Flyer, *, autopilot: 
                         fraction=stop / runs,
                         elapsed_s=clock.elapsed_s,
                         left_s=clock.left_s(fresh, runs - stop),
-                        detail=f"{stop} of {runs} missions flown, {flown_s / max(wall_s, 1e-9):,.0f} times"
-                        " real time",
+                        detail=detail,
                     )
                 )
     except KeyboardInterrupt:

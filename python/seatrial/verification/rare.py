@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -36,6 +36,9 @@ if TYPE_CHECKING:
     from seatrial.verification.missions import CampaignFlights
     from seatrial.verification.requirement import Requirement
     from seatrial.verification.scenario import Scenario
+
+
+_KIND: Final = "rare failures"  # of the run
 
 
 @dataclass(frozen=True)
@@ -220,10 +223,7 @@ class Rare:
         chosen = scenario.chosen(self.requirements)
         clock, judged, interrupted = Clock(), [], False
         threads = threads_of(work.threads, work.executor)
-        with (
-            RunDirectory(work.run_dir, "rare failures", resume=work.resume) as run,
-            fleet_of(work.executor) as fleet,
-        ):
+        with RunDirectory(work.run_dir, _KIND, resume=work.resume) as run, fleet_of(work.executor) as fleet:
             try:
                 for place, requirement in enumerate(chosen):
                     search = _Search(scenario, requirement, self, run, threads, fleet)
@@ -237,7 +237,7 @@ class Rare:
                 requirements=tuple(judged),
                 interrupted=interrupted,
                 facts=scenario.facts(
-                    "rare failures",
+                    _KIND,
                     clock=clock,
                     options={name: getattr(self, name) for name in sizes},
                     interrupted=interrupted,

@@ -18,6 +18,8 @@ import numpy as np
 from seatrial._core import Autopilot, Vehicle
 from seatrial.base.errors import CampaignError, SeatrialError, SimulationError, nearest
 from seatrial.base.file_names import file_name, free_name
+from seatrial.base.finding import Finding, Severity
+from seatrial.base.report import clause_of
 from seatrial.base.run import Kind, run_facts, sha256
 from seatrial.base.toml_file import is_path, loaded, twice
 from seatrial.flight.checks import (
@@ -120,14 +122,14 @@ def requirement_of(source: str, asked: RequirementTable) -> Requirement:
         return Requirement(asked.name, asked.holds, asked.probability)
 
 
-def check_table(source: str, flights: CampaignFlights) -> tuple[str, ...]:
-    """Sentences on keys that do nothing, after everything that vehicle and missions refuse was refused.
+def check_table(source: str, flights: CampaignFlights) -> list[Finding]:
+    """Keys that do nothing, after everything that vehicle and missions refuse was refused.
 
     What is refused names the campaign file and the key.
     """
     table, vehicle = flights.table, flights.fitted.vehicle
     routes = [Route.of(mission) for mission in flights.missions]
-    notes = _check_supply(source, flights)
+    remarks = _check_supply(source, flights)
     with under(source, "sensors", said="sensors"):
         sensor_channels(sensors_of(flights.sensors, vehicle), flights.autopilot.period_s)
     with under(source, "max_time_s", said="max_time_s"):
@@ -154,10 +156,10 @@ def check_table(source: str, flights: CampaignFlights) -> tuple[str, ...]:
     if not isinstance(table.coefficients, str):
         with under(source, "coefficients", said="standard deviations"):
             Fitted.of(flights.fitted, percent=table.coefficients)
-    return notes
+    return remarks
 
 
-def _check_supply(source: str, flights: CampaignFlights) -> tuple[str, ...]:
+def _check_supply(source: str, flights: CampaignFlights) -> list[Finding]:
     given, vehicle = flights.table.voltage_v, flights.fitted.vehicle
     needed = [name for name, facts in vehicle.actuator_info().items() if facts["needs_voltage"]]
     if needed and given is None:
@@ -168,11 +170,8 @@ def _check_supply(source: str, flights: CampaignFlights) -> tuple[str, ...]:
     with under(source, "voltage_v", said="voltage_v"):
         checked_supply(given, vehicle)
     if given is None or needed:
-        return ()
-    return (
-        f"voltage_v = {given:g} under [verification] does nothing: no thrust of {vehicle.name} depends on"
-        " the supply voltage.",
-    )
+        return []
+    return [Finding("supply without effect", Severity.NOTE, vehicle.name, {"voltage_v": given})]
 
 
 def _check_water(source: str, current: Current) -> None:
@@ -273,8 +272,8 @@ class Scenario:
         What flies.
     requirements
         What must hold.
-    notes
-        Sentences on what is assumed.
+    remarks
+        What is assumed; ``notes`` says it in sentences.
     name, source, text, inputs
         Of the result; how messages call what states the scenario; that text; SHA-256 of inputs by name.
 
@@ -305,7 +304,7 @@ class Scenario:
 
     flights: CampaignFlights
     requirements: tuple[Requirement, ...]
-    notes: tuple[str, ...]
+    remarks: tuple[Finding, ...]
     name: str
     source: str
     text: str
@@ -408,6 +407,11 @@ class Scenario:
             **{f"missions/{name}.toml": text for name, text in missions.items()},
         }
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on what is assumed."""
+        return tuple(clause_of(remark, "verification_findings") for remark in self.remarks)
+
     def facts(
         self, kind: Kind, *, clock: Clock, options: Mapping[str, Any], interrupted: bool
     ) -> dict[str, Any]:
@@ -449,20 +453,15 @@ class Scenario:
         """Check all of it, then set the attributes."""
         source, table = str(stated["source"]), flights.table
         ignored = check_table(source, flights)
-        requirements, notes = _requirements(source, flights)
-        notes.extend(ignored)
+        requirements, remarks = _requirements(source, flights)
+        remarks.extend(ignored)
         if table.navigation == "filter":
-            notes.append(
-                "The autopilot goes by the estimate of a navigation filter on the vehicle that it believes"
-                " in; the filter assumes the mid-range of the drawn gusts and seas."
-            )
+            remarks.append(Finding("navigation filter", Severity.NOTE))
         if table.coefficients == "covariance" and not flights.fitted.names:
-            notes.append(
-                "Every vehicle flies with the same coefficients, because their covariance is unknown."
-            )
+            remarks.append(Finding("covariance unknown", Severity.NOTE))
         flights.check()
         check_cases(table.cases, flights, requirements, source)
-        fields = {"flights": flights, "requirements": requirements, "notes": tuple(notes), **stated}
+        fields = {"flights": flights, "requirements": requirements, "remarks": tuple(remarks), **stated}
         for field, value in fields.items():
             object.__setattr__(self, field, value)
 
@@ -519,21 +518,15 @@ def autopilot_of(source: Any) -> Autopilot:
     return autopilot
 
 
-def _requirements(source: str, flights: CampaignFlights) -> tuple[tuple[Requirement, ...], list[str]]:
-    """What must hold, every expression checked, and a sentence where nobody said what."""
+def _requirements(source: str, flights: CampaignFlights) -> tuple[tuple[Requirement, ...], list[Finding]]:
+    """What must hold, every expression checked, and a remark where nobody said what."""
     table = flights.table
     if table.requirements:
         return tuple(_stated(source, one, flights.fitted.vehicle) for one in table.requirements), []
     off = flights.position_sd_m
     asked = default_requirements(table, flights.missions, position_sd_m=off)
-    listed = "; ".join(f"{one.name}: {one.holds}" for one in asked)
-    allowed = (
-        f" The path allows for a position that is off by {off:.2g} m (1 sd) on each axis." if off else ""
-    )
-    return asked, [
-        f"The campaign states no requirements; these are judged, each in 95 % of the missions: {listed}."
-        f"{allowed}"
-    ]
+    holds = {requirement.name: requirement.holds for requirement in asked}
+    return asked, [Finding("no requirements", Severity.NOTE, values={"holds": holds, "position_sd_m": off})]
 
 
 def _stated(source: str, asked: RequirementTable, vehicle: Vehicle) -> Requirement:

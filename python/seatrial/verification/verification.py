@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.chunks import RECORDS
+from seatrial.base.finding import Finding
 from seatrial.base.plain import Plain
-from seatrial.base.report import writer_of
+from seatrial.base.report import clause_of, writer_of
 from seatrial.base.run import Content, RunResult, to_json
 from seatrial.flight.excesses import KINDS, Excess, excesses
 from seatrial.statistics import proportions
@@ -204,8 +205,8 @@ class Verification(RunResult):
         Missions that were asked for.
     interrupted
         Whether Ctrl-C ended them early: the verdict is that of the missions until then.
-    notes
-        Sentences on what is assumed and what was drawn; ``flights.left_out`` says more.
+    remarks
+        What is assumed and what was drawn; ``notes`` says it in sentences, ``flights.left_out`` says more.
     doubt
         Heading where many of the drawn vehicles were physically impossible; empty otherwise.
     facts
@@ -222,7 +223,7 @@ class Verification(RunResult):
     comparison: AutopilotComparison | None
     asked: int
     interrupted: bool
-    notes: tuple[str, ...]
+    remarks: tuple[Finding, ...]
     doubt: str
     facts: Mapping[str, Any]
     cases: tuple[FlownCase, ...] = ()
@@ -232,6 +233,12 @@ class Verification(RunResult):
     def flights(self) -> CampaignFlights:
         """What was flown."""
         return self.scenario.flights
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on what is assumed and what was drawn."""
+        sentences = (clause_of(remark, "verification_findings") for remark in self.remarks)
+        return tuple(dict.fromkeys(sentences))
 
     @property
     def outcome(self) -> proportions.Verdict:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar, overload
 
 from seatrial._core import Autopilot, checked_threads
 from seatrial.base.errors import CampaignError
+from seatrial.base.finding import Finding, Severity
 from seatrial.base.fleet import fleet_of, threads_of
 from seatrial.base.run import RunDirectory
 from seatrial.base.work import HERE, Clock, Work, callers_errors_pass, takes
@@ -235,14 +236,12 @@ def _verified(scenario: Scenario, others: Mapping[str, Autopilot], flyer: Flyer)
         asked=scenario.runs,
         interrupted=interrupted,
         doubt=draws.doubt,
-        notes=tuple(
-            dict.fromkeys([
-                *scenario.notes,
-                *draws.notes,
-                *beyond_the_vehicle(flights, draws, flown),
-                *metrics_without_value(requirements, flown),
-                *perceived_and_true(requirements, flown),
-            ])
+        remarks=(
+            *scenario.remarks,
+            *(Finding("told", Severity.NOTE, values={"sentence": note}) for note in draws.notes),
+            *beyond_the_vehicle(flights, draws, flown),
+            *metrics_without_value(requirements, flown),
+            *perceived_and_true(requirements, flown),
         ),
         records=series.records,
         facts=scenario.facts(

@@ -51,9 +51,9 @@ from seatrial.report.plot.track import (
     waypoints,
 )
 from seatrial.report.results.verification import reserve
+from seatrial.report.results.verification_findings import odds
 from seatrial.statistics.proportions import FailureProbability, share, wilson
 from seatrial.verification.boundary import FailureBoundary
-from seatrial.verification.causes import odds
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
