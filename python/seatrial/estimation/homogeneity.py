@@ -19,6 +19,7 @@ import numpy as np
 
 from seatrial.base.channels import AXES, VELOCITIES
 from seatrial.base.plain import Plain
+from seatrial.base.report import wording
 from seatrial.estimation.joint import joint_stage
 from seatrial.problem.parameter import STRIPS, axes_of, coefficient_names, parameters
 from seatrial.vehicle.actuators import actuator_groups, pushes
@@ -76,32 +77,14 @@ class Homogeneity(Plain, also="sentences"):
     free: tuple[str, ...]
     held: tuple[Held, ...]
 
+    @property
+    def strong(self) -> dict[str, str]:
+        """What of the held values sets the scale, by kind, the most telling first."""
+        return {held.kind: ", ".join(held.members) for held in self.held if held.kind != STATIC}
+
     def sentences(self) -> list[str]:
         """Name of the direction, and what the scale rests on."""
-        texts = [
-            "Scaling mass, added mass, damping, lift, weight in water, bias and thrust together changes no"
-            " motion: trials give ratios, and held values set the scale"
-        ]
-        members = {direction.kind: ", ".join(direction.members) for direction in self.held}
-        strong = [kind for kind in members if kind != STATIC]
-        if not strong:
-            weak = f" but {members[STATIC]}, which tell little" if members else ""
-            return [
-                *texts,
-                f"Nothing is held fixed{weak}: all estimates may grow or shrink together until one"
-                " reaches a bound."
-                " Hold a thrust gain, or mass and added mass of one axis",
-            ]
-        first = strong[0]
-        made = {THRUST: "thrust", LIFT: "lift"}.get(first)
-        words = f"the {made} of {members[first]} as in the vehicle file" if made else members[first]
-        texts.append(f"The scale rests on {words}")
-        if beside := [f"lift of {members[LIFT]}" if kind == LIFT else members[kind] for kind in strong[1:]]:
-            texts.append(
-                f"Also held at the vehicle file's values: {'; '.join(beside)}. If the scale is wrong, so is"
-                " their ratio to the other terms: free or rescale them"
-            )
-        return texts
+        return list(wording("scale").homogeneity(self))
 
 
 def homogeneous_direction(vehicle: Vehicle) -> tuple[str, ...]:

@@ -30,6 +30,7 @@ import numpy as np
 
 from seatrial.base.errors import CampaignError, nearest
 from seatrial.base.plain import Plain
+from seatrial.base.report import wording, words_about
 from seatrial.estimation.homogeneity import Homogeneity, homogeneity, ratios, thrust_factors
 from seatrial.problem.settings import Anchor, Ballast, Bollard, DryMass
 from seatrial.vehicle.actuators import NOMINAL_V, actuator_groups, bollard
@@ -183,7 +184,7 @@ class ScaleSettings:
     unstated_sd: float = 0.1
 
 
-SETTINGS = ScaleSettings()
+SCALE_SETTINGS = ScaleSettings()
 
 
 @dataclass(frozen=True)
@@ -222,51 +223,24 @@ class Implied(Plain, also="added_kg warnings"):
         return {motion: mass - self.mass_kg for motion, mass in self.apparent_kg.items()}
 
     @property
-    def warnings(self) -> tuple[str, ...]:
-        """Sentences about what cannot be."""
-        if not math.isfinite(self.factor.value):
-            return ("the anchor contradicts the vehicle: its answer has the other sign; check its signs",)
-        warnings = [
-            f"added mass in {motion} would be {mass:.3g} kg, negative: anchor or apparent mass is wrong"
-            for motion, mass in self.added_kg.items()
-            if mass < 0.0
-        ]
-        warnings += self.thrust_warnings
-        if self.centre_height_m <= 0.0:
-            warnings.append("the centre of gravity would lie above the centre of buoyancy: check z_g, z_b, B")
-        if abs(self.net_weight_n) > SETTINGS.net_share * self.mass_kg * self.g:
-            share = 100.0 * self.net_weight_n / (self.mass_kg * self.g)
-            warnings.append(f"net weight would be {share:+.2g} % of the weight: check B and m")
-        return tuple(warnings)
+    def odd_gains(self) -> dict[str, float]:
+        """Gains that no bollard table is wrong by."""
+        least, most = SCALE_SETTINGS.gains
+        return {name: gain for name, gain in self.gains.items() if not least <= gain <= most}
 
     @property
-    def thrust_warnings(self) -> list[str]:
-        """The sentence about gains that no bollard table is wrong by."""
-        least, most = SETTINGS.gains
-        odd = [f"{name} {gain:.2g}" for name, gain in self.gains.items() if not least <= gain <= most]
-        if not odd:
-            return []
-        return [
-            f"thrust gains outside {least:g} to {most:g}: {', '.join(odd)}; check characteristic, supply"
-            " voltage and anchor"
-        ]
+    def heavy(self) -> bool:
+        """Whether the net weight is more than a vehicle is trimmed to."""
+        return abs(self.net_weight_n) > SCALE_SETTINGS.net_share * self.mass_kg * self.g
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences about what cannot be."""
+        return tuple(wording("scale").warnings(self))
 
     def sentences(self, *, identified: bool = True) -> list[str]:
         """The factor, what follows from it, what cannot be; before an identification of the thrust alone."""
-        texts = [f"{self.factor.anchor} ({self.factor.assumption}): {_factor_words(self.factor, identified)}"]
-        if not identified:
-            return texts + [f"WARNING {text}" for text in self.thrust_warnings]
-        if math.isfinite(self.factor.value):
-            gains = ", ".join(f"{name} {gain:.2g}" for name, gain in self.gains.items())
-            added = ", ".join(f"{motion} {mass:.3g}" for motion, mass in self.added_kg.items())
-            side = "below" if self.centre_height_m > 0.0 else "above"
-            texts.append(
-                f"It implies thrust gains {gains or '(no thruster)'}; added mass {added} kg beside"
-                f" {self.mass_kg:.4g} kg; net weight {self.net_weight_n:+.2g} N; centre of gravity"
-                f" {1e3 * abs(self.centre_height_m):.3g} mm {side} that of buoyancy"
-                f" (vehicle file: {1e3 * self.file_height_m:.3g} mm)"
-            )
-        return texts + [f"WARNING {text}" for text in self.warnings]
+        return list(wording("scale").implied(self, identified=identified))
 
 
 @dataclass(frozen=True)
@@ -296,40 +270,24 @@ class ScaleReport(Plain, without="identified", also="sentences"):
     identified: bool
     tested: tuple[str, ...] = ()
 
+    @property
+    def agreement(self) -> bool | None:
+        """Whether all anchors can hold at once; None of fewer than two."""
+        known = self.factors
+        if len(known) < 2:
+            return None
+        lower = max(min(factor.lower, factor.value * (1.0 - SCALE_SETTINGS.unstated_sd)) for factor in known)
+        upper = min(max(factor.upper, factor.value * (1.0 + SCALE_SETTINGS.unstated_sd)) for factor in known)
+        return lower <= upper
+
+    @property
+    def factors(self) -> list[Factor]:
+        """Factors of the anchors that do not contradict the vehicle."""
+        return [implied.factor for implied in self.implied if math.isfinite(implied.factor.value)]
+
     def sentences(self) -> list[str]:
         """What the scale rests on, what the anchors imply; where there is none, a request for one."""
-        texts = self.homogeneity.sentences()
-        for implied in self.implied:
-            texts += implied.sentences(identified=self.identified)
-        texts += self._disagreement()
-        if self.waiting:
-            texts.append(f"Judged after the identification: {', '.join(self.waiting)}")
-        if self.tested:
-            texts.append(
-                f"The bench test measured the thrust of {', '.join(self.tested)} on a load cell: an absolute"
-                " anchor, as good as that cell"
-            )
-        elif not self.implied and not self.waiting:
-            texts.append(
-                "No absolute anchor is given; only ratios are known. Give one under [anchor]: bollard (a pull"
-                " at rest under known commands), ballast (a known weight, and the sink rate, angle or"
-                " commands that it causes) or dry_mass (with an assumed added mass)"
-            )
-        if self.ratios:
-            values = ", ".join(f"{name} {value:.4g}" for name, value in self.ratios.items())
-            texts.append(f"Divided by the thrust gain, for any scale: {values}")
-        return texts
-
-    def _disagreement(self) -> list[str]:
-        known = [implied.factor for implied in self.implied if math.isfinite(implied.factor.value)]
-        if len(known) < 2:
-            return []
-        lower = max(min(factor.lower, factor.value * (1.0 - SETTINGS.unstated_sd)) for factor in known)
-        upper = min(max(factor.upper, factor.value * (1.0 + SETTINGS.unstated_sd)) for factor in known)
-        values = " and ".join(f"{factor.anchor.lower()} {factor.value:.2g}" for factor in known)
-        if lower <= upper:
-            return [f"The anchors agree: {values}"]
-        return [f"WARNING the anchors disagree: {values}; one of them, or what it assumes, is wrong"]
+        return words_about(self, "scale")
 
 
 def judge_scale(problem: Problem, vehicle: Vehicle | None = None) -> ScaleReport:
@@ -410,15 +368,4 @@ def _implied(
         centre_height_m=s * righting / (mass * g),
         file_height_m=file_height_m,
         g=g,
-    )
-
-
-def _factor_words(factor: Factor, identified: bool) -> str:
-    if not math.isfinite(factor.value):
-        return "no factor"
-    size = f"{factor.value:.2g}"
-    if factor.upper > factor.lower:
-        size += f" ({factor.lower:.2g} to {factor.upper:.2g})"
-    return (
-        f"true forces are {size} of the identified" if identified else f"true thrust is {size} of the file's"
     )

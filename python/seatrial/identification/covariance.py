@@ -38,6 +38,7 @@ from scipy.linalg import block_diag
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, nearest
 from seatrial.base.plain import Plain
+from seatrial.base.report import wording
 from seatrial.estimation.homogeneity import STATIC
 from seatrial.problem.parameter import coefficient_names, expansion_matrix
 from seatrial.statistics.uncertainty import bound_reached
@@ -179,7 +180,7 @@ def _beyond(assessment: Assessment, scale: ScaleReport) -> list[str]:
             ' lacks, add deviations such as coefficients = { "*_uu" = 10.0 } under [verification].'
         )
     if not scale.tested and any(direction.kind != STATIC for direction in scale.homogeneity.held):
-        rests = scale.homogeneity.sentences()[1]
+        rests = wording("scale").rests_on(scale.homogeneity)
         notes.append(
             f"{rests}; draws do not vary it, all forces and masses together may be larger or smaller."
         )
