@@ -460,7 +460,7 @@ BOTH = LATERAL.replace("N_rr = [-250.0, -10.0]", "Y_vv = [-3000.0, -50.0]\nN_rr 
 def undecided(joint: Joint, polished: Polished) -> None:
     """Were the log not to tell the two, what both say of the rudder would stand in the report."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(choice, "SETTINGS", choice.ChoiceSettings(likelier=1e9))
+        patch.setattr(choice, "CHOICE_SETTINGS", choice.ChoiceSettings(likelier=1e9))
         kept, found, _, _ = quadratic_or_strips(joint, polished)
     assert kept is joint
     (other,) = found.others

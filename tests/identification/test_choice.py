@@ -173,7 +173,7 @@ def test_gains_with_a_prior_leave_a_joint_estimate_that_predicts_worse_with_them
 ) -> None:
     def outside(problem: Problem, *_: object) -> tuple[object, ...]:
         freed = problem.joint is not None and problem.joint.coefficients
-        return "held-out data", {"r": 0.3}, {"r": 0.2 if freed else 0.1}, {}
+        return "held-out", {"r": 0.3}, {"r": 0.2 if freed else 0.1}, {}
 
     monkeypatch.setattr("seatrial.identification.choice._outside", outside)
     campaign = Campaign.from_toml(HELD_OUT + GAINS, source="made.toml", trials=recordings(waves=False))

@@ -33,6 +33,8 @@ from seatrial._core import Vehicle
 from seatrial.base.arrays import Array
 from seatrial.base.channels import VELOCITIES
 from seatrial.base.errors import SeatrialError
+from seatrial.base.finding import Finding, Severity
+from seatrial.base.report import wording
 from seatrial.base.work import Step
 from seatrial.estimation.estimator import NoiseModel, Polished
 from seatrial.estimation.innovations import Innovations
@@ -85,7 +87,12 @@ class ChoiceSettings:
     strip_drag: float = 0.8
 
 
-SETTINGS = ChoiceSettings()
+CHOICE_SETTINGS = ChoiceSettings()
+
+
+Evidence = Literal["held-out", "filter", "ends", "replay", "interrupted", "none"]
+"""Data that judge: held out, the same ahead of a filter, ends of trials; or why there are none: a replay of
+commands judges nothing, the estimate was interrupted, nothing is left."""
 
 
 @dataclass(frozen=True)
@@ -96,8 +103,8 @@ class Choice:
     ----------
     result
         "joint estimate" or "stages": whose coefficients the vehicle has.
-    judged_on
-        Which data judged, in words.
+    evidence
+        Which data judged, or why none did.
     stages, joint
         R2 so many seconds ahead per channel, pooled over the trials.
     likelihood
@@ -113,7 +120,7 @@ class Choice:
     """
 
     result: Literal["joint estimate", "stages"]
-    judged_on: str
+    evidence: Evidence
     stages: Mapping[str, float]
     joint: Mapping[str, float]
     likelihood: float
@@ -129,37 +136,28 @@ class Choice:
     @property
     def fallen(self) -> tuple[str, ...]:
         """Channels that the joint estimate predicts worse than the stages, by 0.02 of R2 or more."""
-        return tuple(c for c in self.stages if self.stages[c] - self.joint[c] >= SETTINGS.telling_r2)
+        return tuple(c for c in self.stages if self.stages[c] - self.joint[c] >= CHOICE_SETTINGS.telling_r2)
 
     @property
     def spoilt(self) -> tuple[str, ...]:
         """Those among them that lose a tenth of R2 or more."""
-        return tuple(c for c in self.fallen if self.stages[c] - self.joint[c] >= SETTINGS.spoilt_r2)
+        return tuple(c for c in self.fallen if self.stages[c] - self.joint[c] >= CHOICE_SETTINGS.spoilt_r2)
+
+    @property
+    def judged_on(self) -> str:
+        """Which data judged, in words."""
+        return str(wording("choice").judged_on(self.evidence, self.ahead_s))
 
     def sentence(self) -> str:
         """Which of the two is the result, why, and the figures of the other."""
-        if not self.stages:
-            return f"The {self.result} is the result: {self.judged_on}"
-        chosen = self.fallen if self.result == "stages" and self.fallen else tuple(self.stages)
-        figures = ", ".join(_pair(c, self.stages[c], self.joint[c]) for c in chosen)
-        figures = f"(R2 {figures}, stages to joint estimate)"
-        if self.result == "stages":
-            return (
-                f"The stages are the result: the joint estimate predicts {self.judged_on} worse {figures}."
-                " A missing model term biases the joint estimate: see the residual analysis, free fewer"
-                " coefficients or leave a trial out of [polish]"
-            )
-        how = "better than" if self.likelihood < -SETTINGS.even else "as well as"
-        text = f"The joint estimate is the result: it predicts {self.judged_on} {how} the stages {figures}"
-        if self.fallen:
-            text += f"; it is worse in {', '.join(self.fallen)}"
-        return text
+        return str(wording("choice").sentence(self))
 
     def to_dict(self) -> dict[str, Any]:
         """The choice as plain data; the joint estimate without its values."""
         kept = ("cost", "start_cost", "rounds", "converged", "interrupted")
-        plain = {key: value for key, value in asdict(self).items() if key != "polished"}
+        plain = {key: value for key, value in asdict(self).items() if key not in ("polished", "evidence")}
         return plain | {
+            "judged_on": self.judged_on,
             "sentence": self.sentence(),
             "joint_estimate": {key: getattr(self.polished, key) for key in kept},
         }
@@ -180,31 +178,24 @@ def choose(
     the stages' values, where `seatrial.identification.choice` took another one. ``threads``: threads of the
     core; the choice does not depend on it.
     """
-    words, first, second, rivals = _outside(problem, joint, polished, begun)
+    evidence, first, second, rivals = _outside(problem, joint, polished, begun)
     if joint.comparison.models_noise and not first:
-        why = (
-            "not compared with the stages, because nothing is held out (set hold_out_s); replaying commands"
-            " that react to waves, without the waves, cannot test a model"
-        )
-        return Choice("joint estimate", why, {}, {}, 0.0, polished)
+        return Choice("joint estimate", "replay", {}, {}, 0.0, polished)
     if not first.keys() & second.keys():
         if polished.interrupted:
-            return Choice(
-                "stages", "the joint estimate was interrupted and not judged", {}, {}, 0.0, polished
-            )
-        words = f"the last {100 * SETTINGS.judging_share:g} % of every trial, after a fit without it,"
+            return Choice("stages", "interrupted", {}, {}, 0.0, polished)
+        evidence = "ends"
         start = dict(zip([unknown.name for unknown in joint.unknowns], polished.values.tolist(), strict=True))
         first, second = _refitted(problem, stages, start, threads)
     judged = [channel for channel in first if channel in second]
     # Positions and angles barely move in ten seconds and score well with any model: velocities tell.
     judged = [channel for channel in judged if channel in VELOCITIES] or judged
     if not judged:
-        why = "no data outside the fit could judge it; hold out a trial (hold_out, hold_out_s)"
-        return Choice("joint estimate", why, {}, {}, 0.0, polished)
+        return Choice("joint estimate", "none", {}, {}, 0.0, polished)
     likelihood, worse = _compared(first, second, judged)
     return Choice(
         "stages" if worse else "joint estimate",
-        words,
+        evidence,
         {c: 1.0 - first[c] for c in judged},
         {c: 1.0 - second[c] for c in judged},
         likelihood,
@@ -234,7 +225,7 @@ def with_or_without_presumed(
     names = tuple(name for name in names if name not in staged)
     if not names or polished.interrupted:
         return joint, polished, (), ""
-    words, _, rich, _ = _outside(joint.problem, joint, polished)
+    evidence, _, rich, _ = _outside(joint.problem, joint, polished)
     problem = joint.problem.without_coefficients(set(names))
     # The same estimate without them, from the same vehicle and by the same method.
     plain = Joint(
@@ -248,16 +239,10 @@ def with_or_without_presumed(
     judged = [channel for channel in poor if channel in rich]
     judged = [channel for channel in judged if channel in VELOCITIES] or judged
     _, worse = _compared(poor, rich, judged)
-    if not worse or all(rich[channel] - poor[channel] < SETTINGS.telling_r2 for channel in judged):
+    if not worse or all(rich[channel] - poor[channel] < CHOICE_SETTINGS.telling_r2 for channel in judged):
         return joint, polished, (), ""
-    figures = ", ".join(_pair(c, 1.0 - poor[c], 1.0 - rich[c]) for c in judged)
-    return (
-        plain,
-        again,
-        names,
-        f"{', '.join(names)} stay at the vehicle's values: with them free the joint estimate predicts {words}"
-        f" worse (R2 {figures} when freed)",
-    )
+    r2 = {channel: (1.0 - poor[channel], 1.0 - rich[channel]) for channel in judged}
+    return plain, again, names, wording("choice").presumed(names, evidence, _horizon(joint), r2)
 
 
 def _compared(
@@ -266,28 +251,28 @@ def _compared(
     """How much less likely the second's errors are per sample and channel, and whether it is worse."""
     nats = float(np.mean([_nats(second[c]) - _nats(first[c]) for c in judged])) if judged else 0.0
     spoilt = any(
-        first[c] < 1.0 and second[c] > max(SETTINGS.more_error * first[c], first[c] + SETTINGS.lost_r2)
+        first[c] < 1.0
+        and second[c] > max(CHOICE_SETTINGS.more_error * first[c], first[c] + CHOICE_SETTINGS.lost_r2)
         for c in judged
     )
-    return nats, nats > SETTINGS.even or spoilt
+    return nats, nats > CHOICE_SETTINGS.even or spoilt
 
 
 def _outside(
     problem: Problem, joint: Joint, polished: Polished, begun: Joint | None = None
-) -> tuple[str, dict[str, float], dict[str, float], dict[str, dict[str, float]]]:
-    """What the campaign holds out, in words; errors of stages, joint estimate and rivals on it."""
+) -> tuple[Evidence, dict[str, float], dict[str, float], dict[str, dict[str, float]]]:
+    """What judges; errors of stages, joint estimate and rivals on it."""
     if joint.comparison.simulates:
         start, end = joint.identified(joint.start), joint.identified(polished.values)
         return (
-            "held-out data",
+            "held-out",
             _errors(problem, start, None),
             _errors(problem, end, joint.records(polished.values)),
             {},
         )
     ahead_s = _horizon(joint)
-    words = f"held-out data, {ahead_s:g} s ahead from the state of a filter,"
     if not joint.steps(held_out=True)[0]:
-        return words, {}, {}, {}
+        return "filter", {}, {}, {}
     ratios = []
     begun = joint if begun is None else begun
     for estimated, values in ((joint, polished.values), (begun, begun.start)):
@@ -297,13 +282,14 @@ def _outside(
         sums = Innovations(estimated, held_out=True).sums(values, ahead_s)
         estimated.noise_model = own
         ratios.append({
-            channel: min(row["filter"] / row["mean"], SETTINGS.diverged) for channel, row in sums.items()
+            channel: min(row["filter"] / row["mean"], CHOICE_SETTINGS.diverged)
+            for channel, row in sums.items()
         })
     rivals = {
         name: {c: row[name] / row["mean"] for c, row in sums.items() if math.isfinite(row[name])}
         for name in ("hold last", "linear")
     }
-    return words, ratios[1], ratios[0], rivals
+    return "filter", ratios[1], ratios[0], rivals
 
 
 def _horizon(joint: Joint) -> float:
@@ -312,14 +298,14 @@ def _horizon(joint: Joint) -> float:
     The longest that is compared, up to `longest_s`: within a longer one the commands answer the waves, and
     gains that are bent by that predict better than the right ones.
     """
-    compared = [ahead_s for ahead_s in joint.polish.horizons_s if ahead_s <= SETTINGS.longest_s]
+    compared = [ahead_s for ahead_s in joint.polish.horizons_s if ahead_s <= CHOICE_SETTINGS.longest_s]
     return max(joint.polish.horizon_s, joint.data.dt, *compared)
 
 
 def _nats(error: float) -> float:
     """Negative log-likelihood per sample of an error variance over that about the mean."""
     size = math.log(max(error, 1e-12))
-    return 0.5 * (size if size < 0.0 else SETTINGS.unpredicted_weight * size)
+    return 0.5 * (size if size < 0.0 else CHOICE_SETTINGS.unpredicted_weight * size)
 
 
 def _errors(
@@ -337,7 +323,7 @@ def _errors(
     for channel, sums in errors.items():
         sse, sst = np.sum(sums, axis=0)
         if sst > 0.0:
-            shares[channel] = float(min(sse / sst, SETTINGS.diverged))
+            shares[channel] = float(min(sse / sst, CHOICE_SETTINGS.diverged))
     return shares
 
 
@@ -347,7 +333,7 @@ def _collect(errors: dict[str, list[tuple[float, float]]], score: Score) -> None
         if entry.n == 0 or math.isnan(entry.r2):
             continue
         if not math.isfinite(entry.r2):
-            errors.setdefault(channel, []).append((SETTINGS.diverged, 1.0))
+            errors.setdefault(channel, []).append((CHOICE_SETTINGS.diverged, 1.0))
             continue
         sse = entry.rmse**2 * entry.n
         errors.setdefault(channel, []).append((sse, sse / max(1.0 - entry.r2, 1e-12)))
@@ -391,17 +377,9 @@ def _without_ends(problem: Problem) -> Problem:
     uses = {}
     for name, trial in problem.trials.items():
         stop = float(trial.t[-1])
-        start = stop - SETTINGS.judging_share * (stop - float(trial.t[0]))
+        start = stop - CHOICE_SETTINGS.judging_share * (stop - float(trial.t[0]))
         uses[name] = replace(problem.uses[name], hold_out_s=((start, stop + trial.dt),))
     return problem.with_uses(uses)
-
-
-def _pair(channel: str, before: float, after: float) -> str:
-    return f"{channel} {_short(before)} to {_short(after)}"
-
-
-def _short(value: float) -> str:
-    return f"{value:.2f}" if value > -10.0 else f"{value:.0f}" if value > -1e5 else "diverged"
 
 
 def quadratic_or_strips(
@@ -433,10 +411,12 @@ def quadratic_or_strips(
             Problem.with_strips,
             name=name,
             bounds=(0.0, float(info[name]["upper"])),
-            start=SETTINGS.strip_drag,
+            start=CHOICE_SETTINGS.strip_drag,
         )
         known = dict(zip([unknown.name for unknown in joint.unknowns], polished.values.tolist(), strict=True))
-        vehicle = joint.vehicle.with_coefficients(dict.fromkeys(replaced, 0.0) | {name: SETTINGS.strip_drag})
+        vehicle = joint.vehicle.with_coefficients(
+            dict.fromkeys(replaced, 0.0) | {name: CHOICE_SETTINGS.strip_drag}
+        )
         other = Joint(
             change(joint.problem), vehicle, threads=joint.threads, method=joint.method, hidden=joint.hidden
         )
@@ -446,7 +426,7 @@ def quadratic_or_strips(
             known.get(unknown.name, own) for unknown, own in zip(other.unknowns, other.start, strict=True)
         ]
         held_out, ended = bool(joint.steps(held_out=True)[0]), np.array(start)
-        for rounds in (SETTINGS.strip_rounds, other.polish.rounds):
+        for rounds in (CHOICE_SETTINGS.strip_rounds, other.polish.rounds):
             again = _likeliest(other, noises, ended, min(rounds, other.polish.rounds), watch)
             if again.interrupted:
                 return joint, replace(polished, interrupted=True), kind, tuple(notes)
@@ -456,21 +436,22 @@ def quadratic_or_strips(
                 for model, end in ((joint, polished), (other, again))
             )
             better, chance = likelier_by(quadratic, strips)
-            if again.converged or better < -SETTINGS.far_times * max(SETTINGS.likelier, chance):
+            if again.converged or better < -CHOICE_SETTINGS.far_times * max(CHOICE_SETTINGS.likelier, chance):
                 break
-        taken = better > max(SETTINGS.likelier, chance)
-        words = "held-out data" if held_out else "the log"
-        drag = f"cross-flow drag by strips ({name})", f"quadratic damping ({' and '.join(replaced)})"
-        chosen, rejected = drag if better > 0.0 else drag[::-1]
-        by = ", which diverges"
-        if math.isfinite(better):
-            by = f", by {abs(better):.0f} ± {chance / SETTINGS.chance_sd:.0f} in log-likelihood"
-        kept = ", which is not significant" if abs(better) <= max(SETTINGS.likelier, chance) else ""
-        kept += "" if taken or better <= 0.0 else "; the latter is kept"
-        notes.append(f"{chosen[0].upper()}{chosen[1:]} fits {words} better than {rejected}{by}{kept}")
+        taken = better > max(CHOICE_SETTINGS.likelier, chance)
+        values = {
+            "strips": name,
+            "replaced": replaced,
+            "better": better,
+            "sd": chance / CHOICE_SETTINGS.chance_sd,
+            "significant": abs(better) > max(CHOICE_SETTINGS.likelier, chance),
+            "taken": taken,
+            "held_out": held_out,
+        }
+        notes.append(wording("choice").damping(Finding("damping compared", Severity.NOTE, name, values)))
         if taken:
             joint, polished, kind = other, again, _after(kind, change)
-        elif abs(better) <= max(SETTINGS.likelier, chance):
+        elif abs(better) <= max(CHOICE_SETTINGS.likelier, chance):
             rival = other_damping(name, replaced, (joint, polished.values), (other, again.values))
             polished = replace(polished, others=(*polished.others, rival))
     return joint, polished, kind, tuple(notes)
@@ -479,7 +460,7 @@ def quadratic_or_strips(
 def slender(vehicle: Vehicle) -> bool:
     """Whether a hull is so long that strips of it see a cross-flow; a hull without measures may be."""
     measures = vehicle.geometry()
-    return not measures or measures["length"] >= SETTINGS.slender * max(
+    return not measures or measures["length"] >= CHOICE_SETTINGS.slender * max(
         measures["diameter"], measures["height"]
     )
 
@@ -518,7 +499,7 @@ def likelier_by(before: Array, after: Array) -> tuple[float, float]:
     if not np.isfinite(before).all():
         return math.inf, 0.0
     gain = after - before
-    return float(gain.sum()), SETTINGS.chance_sd * float(gain.std() * math.sqrt(len(gain)))
+    return float(gain.sum()), CHOICE_SETTINGS.chance_sd * float(gain.std() * math.sqrt(len(gain)))
 
 
 def _after(
