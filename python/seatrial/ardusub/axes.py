@@ -25,9 +25,10 @@ from seatrial._core import ardusub_defaults, ardusub_pulses
 from seatrial.ardusub.course import Rig
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES
+from seatrial.base.report import sentence_of, wording
 from seatrial.control_design.margins import loop_margins
 from seatrial.control_design.tuning_table import ACCEPTED_GAIN_DB, ACCEPTED_PHASE_DEG, ACCEPTED_SENSITIVITY
-from seatrial.identification.estimate import ESTIMATE_SETTINGS, implausible_masses, mass_in_words
+from seatrial.identification.estimate import ESTIMATE_SETTINGS, implausible_masses
 from seatrial.vehicle.actuators import bollard
 from seatrial.vehicle.authority import delays
 
@@ -126,15 +127,17 @@ def axis_verdicts(
     scores, baselines = hold_out.get("all"), identified.baselines
     verdicts = []
     for loop, axes in AXES_OF_LOOPS.items():
-        odd = {axis: odd_masses.get(axis, "") for axis in axes}
+        odd = {axis: sentence_of(odd_masses[axis], "estimates") for axis in axes if axis in odd_masses}
         against = [
             reason
             for axis in axes
-            if (reason := odd[axis] or _against(identified, axis, masses, scores, baselines))
+            if (reason := odd.get(axis) or _against(identified, axis, masses, scores, baselines))
         ]
         # A mass that no vehicle has asks for another manoeuvre than noise does.
-        implausible = any(odd.values())
-        masses_in_words = ", ".join(f"apparent {mass_in_words(axis, *masses[axis])}" for axis in axes)
+        implausible = bool(odd)
+        masses_in_words = ", ".join(
+            f"apparent {wording('estimates').mass(axis, *masses[axis])}" for axis in axes
+        )
         trial = f"{_TRIALS[loop]}; {_INERTIA_TRIALS[axes[0] in 'KMN']}" if implausible else _TRIALS[loop]
         verdicts.append(
             AxisVerdict(

@@ -29,6 +29,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES
 from seatrial.base.errors import SeatrialError
+from seatrial.base.report import wording
 from seatrial.problem.parameter import Parameter
 
 if TYPE_CHECKING:
@@ -83,27 +84,7 @@ class StageStep:
 
     def sentence(self, dt: float) -> str:
         """What the search will not follow, and the bounds that mend it; empty where it follows all."""
-        if not self.fast:
-            return ""
-        limit = STEP_SETTINGS.most_search * STEP_SETTINGS.search_rate_limit / dt
-        what = f"vehicles with rates up to {self.rate:.3g} rad/s"
-        consequence = (
-            f"the search follows {limit:.3g} rad/s ({STEP_SETTINGS.most_search} steps per sample of"
-            f" {dt:g} s) and takes"
-            " faster ones for diverged"
-        )
-        named = [
-            f"{name} no further than {_digits(good, bound)} (now {bound:.4g})"
-            for name, bound, good in self.fast
-            if name
-        ]
-        if not named:
-            return (
-                f"the start vehicle itself has a rate of {self.rate:.3g} rad/s; {consequence}: check its"
-                " masses,"
-                " inertias and damping, or log at a higher rate"
-            )
-        return f"the bounds admit {what}; {consequence}. To exclude them bound {', '.join(named)}"
+        return str(wording("estimates").step(self, dt))
 
 
 def stage_step(
@@ -194,7 +175,7 @@ def _too_fast(
     return tuple(fast) if fast and rate({}) <= limit else (("", 0.0, 0.0),)
 
 
-def _digits(value: float, bound: float) -> str:
+def sound_digits(value: float, bound: float) -> str:
     """A value rounded to three digits away from the bound that it replaces."""
     if value == 0.0:
         return "0"

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.channels import AXES, CHANNELS, MOTIONS
+from seatrial.base.finding import Finding, Severity
+from seatrial.base.report import wording
 from seatrial.estimation.stage import StageResult
 from seatrial.problem.parameter import Parameter
 from seatrial.statistics.uncertainty import bound_reached
@@ -121,28 +123,7 @@ class Tally:
     @property
     def sentence(self) -> str:
         """How many coefficients the trials determine, and what became of the others."""
-        if self.not_judged == self.asked:
-            what = "one coefficient" if self.asked == 1 else f"{self.asked} coefficients"
-            return f"Whether the trials determine the {what} is not judged."
-        others = [
-            f"{count} {words}"
-            for count, words in (
-                (self.weak, "weak"),
-                (self.not_identifiable, "not identifiable"),
-                (self.held, "hidden by feedback"),
-                (self.not_judged, "not judged"),
-            )
-            if count
-        ]
-        if others:
-            left = f"; {', '.join(others)}"
-            plural = "" if self.asked == 1 else "s"
-            return f"The trials determine {self.identifiable} of {self.asked} coefficient{plural}{left}."
-        return (
-            "The trials determine the one coefficient."
-            if self.asked == 1
-            else f"The trials determine all {self.asked} coefficients."
-        )
+        return str(wording("estimates").tally(self))
 
 
 def tally(coefficients: Sequence[Estimate], held: Sequence[str] = ()) -> Tally:
@@ -328,7 +309,7 @@ def masses_of(vehicle: Vehicle) -> dict[str, float]:
 
 def implausible_masses(
     start: Vehicle, coefficients: Sequence[Estimate], masses: Mapping[str, float]
-) -> dict[str, str]:
+) -> dict[str, Finding]:
     """Why an apparent mass is implausible, by axis; those that the vehicle of the file can have are left out.
 
     A small added mass may be several times that of the file and change nothing: what agrees is plausible.
@@ -351,15 +332,9 @@ def implausible_masses(
             for coefficient in coefficients
             if coefficient.name == f"{axis}_{_CHANNEL[axis]}dot" and coefficient.start
         ]
-        by = "".join(
-            f" ({coefficient.name} {coefficient.estimate / coefficient.start:.3g} times its start)"
-            for coefficient in added
-        )
-        implausible[axis] = (
-            f"{axis}: implausible, apparent {mass_in_words(axis, mass)} is {mass / of_file[axis]:.2g} times"
-            f" the {of_file[axis]:.2g} of the vehicle file{by}, whose bounds allow {low:.2g} to {high:.2g}; a"
-            " wrong thrust or lever arm, or an unmodelled delay, may appear as inertia"
-        )
+        growth = {row.name: row.estimate / row.start for row in added}
+        values = {"mass": mass, "of_file": of_file[axis], "low": low, "high": high, "growth": growth}
+        implausible[axis] = Finding("mass implausible", Severity.PROBLEM, axis, values)
     return implausible
 
 
@@ -410,9 +385,3 @@ def plausible_masses(vehicle: Vehicle, freed: Collection[str] = ()) -> dict[str,
             low, high = (float(body[end]) - values[rigid[axis]] for end in ("lower", "upper"))
         bounds[axis] = (rest + low + least, rest + high + most)
     return bounds
-
-
-def mass_in_words(axis: str, mass: float, sd: float | None = None) -> str:
-    """A mass or an inertia with its unit."""
-    what, unit = ("inertia", "kg m2") if axis in "KMN" else ("mass", "kg")
-    return f"{what} {mass:.3g}{'' if sd is None else f' ± {sd:.2g}'} {unit}"

@@ -25,7 +25,7 @@ from seatrial.identification.held import HELD_SETTINGS, sentences
 from seatrial.identification.hold_out import replayed
 from seatrial.identification.identification import Identification, judged_score, pooled_score
 from seatrial.inspect.events import EVENT_LIMITS
-from seatrial.report.results import diagnosis, trial_findings
+from seatrial.report.results import diagnosis, estimates, trial_findings
 from seatrial.scoring.baselines import not_beaten
 from seatrial.scoring.score import LIMITS, baseline_table, limit_text
 from seatrial.scoring.windows import score_text
@@ -576,7 +576,7 @@ def _implausible(fit: Identification) -> list[str]:
     masses = implausible_masses(fit.problem.vehicle, fit.coefficients, masses_of(fit.vehicle))
     drags = implausible_drags(fit.vehicle, fit.coefficients)
     return [
-        *masses.values(),
+        *map(estimates.sentence, masses.values()),
         *(
             f"{name}: implausible, its drag coefficient is {drag:.2g} on the outline of the hull, and"
             f" {ESTIMATE_SETTINGS.largest_drag:g} is the most that vehicles have; a thrust that is too"
