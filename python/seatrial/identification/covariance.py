@@ -37,8 +37,9 @@ from scipy.linalg import block_diag
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, nearest
+from seatrial.base.finding import Finding, Severity
 from seatrial.base.plain import Plain
-from seatrial.base.report import wording
+from seatrial.base.report import sentence_of
 from seatrial.estimation.homogeneity import STATIC
 from seatrial.problem.parameter import coefficient_names, expansion_matrix
 from seatrial.statistics.uncertainty import bound_reached
@@ -155,35 +156,27 @@ def coefficient_covariance(
     notes += [] if assessment is None else _beyond(assessment, scale)
     alone = [name for name in staged if name not in names]
     if alone:
-        notes.append(
-            f"{', '.join(alone)}: set by a stage and not in the joint estimate, so there is no standard"
-            " deviation; draws keep the estimate."
-        )
+        notes.append(_note("draws of a stage", names=alone))
     if held:
-        example = next((name for name in held if "." in name), held[0])
-        notes.append(
-            f"{', '.join(held)}: not identified, dominated by feedback; draws keep the vehicle file's values."
-            f' To vary them, give percent: coefficients = {{ "{example}" = 20.0 }} under [verification].'
-        )
+        notes.append(_note("draws of held", names=held))
     if bench is not None:
         names, among = _with_thrust(names, among, bench, own, notes)
     at = np.array([own.get(name, 0.0) for name in names])
     return CoefficientCovariance(tuple(names), at, 0.5 * (among + among.T), tuple(notes))
 
 
+def _note(kind: str, **values: Any) -> str:
+    """What draws do, in the words of `seatrial.report.results.preparation`."""
+    return sentence_of(Finding(kind, Severity.NOTE, values=values), "preparation")
+
+
 def _beyond(assessment: Assessment, scale: ScaleReport) -> list[str]:
     """Sentences on what no draw contains: what the model class lacks, and another scale of all forces."""
     notes = []
     if assessment.residual_analysis.warning:
-        notes.append(
-            f"{assessment.residual_analysis.warning}. Draws stay within that class; to cover what it"
-            ' lacks, add deviations such as coefficients = { "*_uu" = 10.0 } under [verification].'
-        )
+        notes.append(_note("draws within a class", warning=assessment.residual_analysis.warning))
     if not scale.tested and any(direction.kind != STATIC for direction in scale.homogeneity.held):
-        rests = wording("scale").rests_on(scale.homogeneity)
-        notes.append(
-            f"{rests}; draws do not vary it, all forces and masses together may be larger or smaller."
-        )
+        notes.append(_note("draws of one scale", homogeneity=scale.homogeneity))
     return notes
 
 
@@ -202,7 +195,7 @@ def _bounded(assessment: Assessment) -> tuple[Array, list[str]]:
     stays = ended & ~gains & ~absent
     scaled = _with_fixed(scaled, stays)
     kept = [name for name, stay in zip(known, stays, strict=True) if stay]
-    notes = [f"{', '.join(kept)}: ended at a bound, and draws keep it there."] if kept else []
+    notes = [_note("draws at a bound", names=kept)] if kept else []
     silent = _silent(
         directions.singular_values,
         directions.vectors[:, [directions.names.index(name) for name in known]],
@@ -221,12 +214,7 @@ def _bounded(assessment: Assessment) -> tuple[Array, list[str]]:
     along = absent | (np.abs(vectors[:, cut]).max(axis=1, initial=0.0) > 0.5)
     weak = [name for name, lies_along in zip(known, along, strict=True) if lies_along]
     if weak:
-        notes.insert(
-            0,
-            f"{', '.join(weak)}: constrained less by the data than by the campaign's bounds; draws have the"
-            " spread of a uniform distribution between them (standard deviation 0.29 of their width), and"
-            " correlated coefficients vary less as a result.",
-        )
+        notes.insert(0, _note("draws between bounds", names=weak))
     return width[:, None] * bounded * width, notes
 
 

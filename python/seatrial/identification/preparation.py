@@ -13,15 +13,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.channels import MOTIONS
 from seatrial.base.errors import CampaignError, TrialError
-from seatrial.base.finding import Finding
-from seatrial.base.report import listed, sentence_of, words_of
+from seatrial.base.finding import Finding, Severity
+from seatrial.base.report import sentence_of, words_of
 from seatrial.base.run import sha256
 from seatrial.diagnosis.assessment import conditioning
 from seatrial.estimation.inputs import trained
@@ -74,9 +73,7 @@ def prepare(problem: Problem, *, threads: int | None = None) -> Preparation:
     plans = plan(problem)
     judge_scale(problem)
     diverging = tuple(
-        f"WARNING: stage {stage_plan.stage.name!r}: the vehicle that the search starts from diverges on"
-        " its trials;"
-        " give damping to its free axes, check the signs and units of its coefficients, or narrow the bounds"
+        _warning("start diverges", stage_plan.stage.name)
         for stage_plan in plans
         if not stage_plan.stage.after and not math.isfinite(start_cost(problem, stage_plan, threads=threads))
     )
@@ -85,6 +82,11 @@ def prepare(problem: Problem, *, threads: int | None = None) -> Preparation:
     steps = (*step_sentences(plans), *frozen_sentences(plans))
     notes = (*warnings, *commandless, *silent, *diverging, *conditions, *steps)
     return Preparation(problem, whole, held, plans, notes, no_joint, wired)
+
+
+def _warning(kind: str, subject: str = "", **values: Any) -> str:
+    """A warning, in the words of `seatrial.report.results.preparation`."""
+    return f"WARNING: {sentence_of(Finding(kind, Severity.PROBLEM, subject, values), 'preparation')}"
 
 
 def identifiable(problem: Problem) -> tuple[Problem, tuple[Held, ...]]:
@@ -119,11 +121,7 @@ def without_commandless(problem: Problem) -> tuple[Problem, tuple[str, ...]]:
         if not own:
             continue
         dropped |= set(own)
-        notes.append(
-            f"WARNING: {MOTIONS[axis]} is driven by {', '.join(names)}, of which no trial records a command:"
-            f" {', '.join(own)} not identified, kept at the vehicle file's values. Map their columns, or add"
-            " columns of zeros if they stood still"
-        )
+        notes.append(_warning("axis without commands", axis, drivers=names, kept=own))
     rest = problem.without_coefficients(dropped)
     if not rest.stages:
         raise CampaignError(f"{problem.source}: nothing is left to identify. {' '.join(notes)}")
@@ -168,10 +166,7 @@ def _actuators_without_column(problem: Problem) -> tuple[str, ...]:
                 )
             if missing:
                 unlogged.setdefault(columns, []).append(name)
-    return tuple(
-        f"WARNING: no column {columns} in {', '.join(names)}: taken to stand still there"
-        for columns, names in unlogged.items()
-    )
+    return tuple(_warning("columns missing", columns, trials=names) for columns, names in unlogged.items())
 
 
 def _conditioning(
@@ -206,10 +201,7 @@ def repeated_sentences(problem: Problem) -> tuple[str, ...]:
             _refuse_fitted(problem, name, [other for other in used if other != name])
         twice = [pair for pair in combinations(used, 2) if _share(problem, *pair)]
         if same := [name for name in used if any(name in pair for pair in twice)]:
-            warnings.append(
-                f"WARNING: trials {listed(same)} hold the same recording, which counts {len(same)} times:"
-                f" deviations come out up to {np.sqrt(len(same)):.2g} times too small; keep one of them"
-            )
+            warnings.append(_warning("recording repeated", trials=same))
     return tuple(warnings)
 
 
