@@ -355,23 +355,15 @@ def assess(joint: Joint, polished: Polished) -> Assessment:
 
 @dataclass(frozen=True)
 class ContradictedBounds(Plain):
-    """What the estimate would be without the bounds that the data contradict.
+    """What the estimate would be without the bounds that the data contradict."""
 
-    Attributes
-    ----------
-    pulls
-        By how many standard deviations the data lead beyond the bound, by coefficient at a bound.
-    values
-        Of all unknowns without these bounds, to first order.
-    away
-        By how much of its standard deviation each unknown is away from the fit then.
-    refused
-        Coefficients within their bounds that are not identified because of it, the worst first.
-    """
-
+    #: By how many standard deviations the data lead beyond the bound, by coefficient at a bound.
     pulls: Mapping[str, float]
+    #: Of all unknowns without these bounds, to first order.
     values: Mapping[str, float]
+    #: By how much of its standard deviation each unknown is away from the fit then.
     away: Mapping[str, float]
+    #: Coefficients within their bounds that are not identified because of it, the worst first.
     refused: tuple[str, ...]
 
 

@@ -422,32 +422,21 @@ class Judgement:
 
 @dataclass(frozen=True)
 class Identifiability(Plain, without="names"):
-    """What the data tell of the coefficients.
+    """What the data tell of the coefficients."""
 
-    Attributes
-    ----------
-    names
-        Coefficients (k), in the order of all arrays.
-    singular_values
-        Of the sensitivities scaled by the width of the bounds (k,), largest first.
-    vectors
-        Right singular vectors (k, k), a row each, in widths of the bounds.
-    condition
-        Largest over smallest singular value; infinite where the smallest is rounding.
-    correlation
-        Matrix (k, k); zero beside coefficients without any information.
-    coefficients
-        A `Judgement` per coefficient.
-    combinations
-        An `Undetermined` for everything that is weak or not identifiable.
-    """
-
+    #: Coefficients (k), in the order of all arrays.
     names: tuple[str, ...]
+    #: Of the sensitivities scaled by the width of the bounds (k,), largest first.
     singular_values: Array
+    #: Right singular vectors (k, k), a row each, in widths of the bounds.
     vectors: Array
+    #: Largest over smallest singular value; infinite where the smallest is rounding.
     condition: float
+    #: Matrix (k, k); zero beside coefficients without any information.
     correlation: Array
+    #: A `Judgement` per coefficient.
     coefficients: tuple[Judgement, ...]
+    #: An `Undetermined` for everything that is weak or not identifiable.
     combinations: tuple[Undetermined, ...]
 
     @property

@@ -260,42 +260,29 @@ def signal_of(name: str, info: Mapping[str, Mapping[str, Any]] | None = None) ->
 
 @dataclass(frozen=True)
 class Suggestion(Plain, also="sentence"):
-    """A coefficient to free.
+    """A coefficient to free."""
 
-    Attributes
-    ----------
-    name, unit
-        The coefficient as a campaign file names it.
-    alternatives
-        Coefficients that these data cannot tell from it.
-    channel, follows
-        The channel whose residual it explains most, and the signal that this residual follows.
-    present, value, sigma
-        Value that it is held at, first-order estimate of its value, standard deviation.
-    gain
-        Fall of the cost in percent when it is freed (of the first: alone; of the next: after those before).
-    p
-        P-value adjusted for all coefficients that were tried.
-    members
-        Coefficients that it sets, all alike; empty where that is itself.
-    line
-        Line for the campaign's coefficients that frees it; empty where nothing is to be freed.
-    relative
-        Whether its members keep their proportion: `present` and `value` are those of the first.
-    """
-
+    #: The coefficient as a campaign file names it.
     name: str
     unit: str
+    #: Coefficients that these data cannot tell from it.
     alternatives: tuple[str, ...]
+    #: The channel whose residual it explains most, and the signal that this residual follows.
     channel: str
     follows: str
+    #: Value that it is held at, first-order estimate of its value, standard deviation.
     present: float
     value: float
     sigma: float
+    #: Fall of the cost in percent when it is freed (of the first: alone; of the next: after those before).
     gain: float
+    #: P-value adjusted for all coefficients that were tried.
     p: float
+    #: Coefficients that it sets, all alike; empty where that is itself.
     members: tuple[str, ...] = ()
+    #: Line for the campaign's coefficients that frees it; empty where nothing is to be freed.
     line: str = ""
+    #: Whether its members keep their proportion: `present` and `value` are those of the first.
     relative: bool = False
 
     @property

@@ -31,32 +31,21 @@ Refit = Callable[[Mapping[str, float]], float]
 
 @dataclass(frozen=True)
 class Profile(Plain):
-    """Criterion along a line through the estimate.
+    """Criterion along a line through the estimate."""
 
-    Attributes
-    ----------
-    names
-        Unknowns that are held.
-    step
-        Places (k,) on the line in standard deviations, zero at the estimate.
-    values
-        Values (k, n) of the held unknowns.
-    cost
-        Half the sum of squares (k,), priors included, above that of the refit at the estimate.
-    quadratic
-        The same as the linearisation predicts it (k,).
-    threshold
-        Cost at the ends of the 95 % interval.
-    lower, upper
-        Those ends in ``step``, interpolated; infinite where the curve does not reach the threshold.
-    """
-
+    #: Unknowns that are held.
     names: tuple[str, ...]
+    #: Places (k,) on the line in standard deviations, zero at the estimate.
     step: Array
+    #: Values (k, n) of the held unknowns.
     values: Array
+    #: Half the sum of squares (k,), priors included, above that of the refit at the estimate.
     cost: Array
+    #: The same as the linearisation predicts it (k,).
     quadratic: Array
+    #: Cost at the ends of the 95 % interval.
     threshold: float
+    #: Those ends in ``step``, interpolated; infinite where the curve does not reach the threshold.
     lower: float
     upper: float
 

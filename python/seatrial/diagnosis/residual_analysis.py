@@ -66,30 +66,20 @@ SETTINGS = ResidualSettings()
 
 @dataclass(frozen=True)
 class ResidualAnalysis(Plain, also="structural warning"):
-    """What the residuals say against the model; printed, sentences.
+    """What the residuals say against the model; printed, sentences."""
 
-    Attributes
-    ----------
-    autocorrelations
-        An `Autocorrelation` per channel.
-    suggestions
-        Coefficients to free, the one that gains most first; follow one at a time.
-    signals
-        Signals that the residuals follow beside what is fitted and suggested.
-    tested
-        Number of coefficients that were tried.
-    indistinguishable
-        Coefficients that could not be tried: the data cannot tell them from what is fitted, or do not show
-        them at all.
-    block_s
-        Length of the blocks behind the standard deviations, s.
-    """
-
+    #: An `Autocorrelation` per channel.
     autocorrelations: tuple[Autocorrelation, ...]
+    #: Coefficients to free, the one that gains most first; follow one at a time.
     suggestions: tuple[Suggestion, ...]
+    #: Signals that the residuals follow beside what is fitted and suggested.
     signals: tuple[FollowedSignal, ...]
+    #: Number of coefficients that were tried.
     tested: int
+    #: Coefficients that could not be tried: the data cannot tell them from what is fitted, or do not show
+    #: them at all.
     indistinguishable: tuple[str, ...]
+    #: Length of the blocks behind the standard deviations, s.
     block_s: float
 
     @property

@@ -75,27 +75,18 @@ Status = Literal["estimated", "held", "unknown"]
 
 @dataclass(frozen=True)
 class FollowedSignal(Plain, without="coefficient status", also="sentence"):
-    """A signal that a channel's residual follows.
+    """A signal that a channel's residual follows."""
 
-    Attributes
-    ----------
-    channel, signal
-        Names.
-    lag_s
-        Lag between them, s: 0 for what a sensor does, infinite for an integral.
-    r2
-        Share of the channel's squared residual that it explains beside all that is fitted.
-    p
-        P-value adjusted for all signals, lags and channels.
-    coefficient, status
-        The one that has this form, and whether it is "estimated", "held" or "unknown" to the vehicle.
-    """
-
+    #: Names.
     channel: str
     signal: str
+    #: Lag between them, s: 0 for what a sensor does, infinite for an integral.
     lag_s: float
+    #: Share of the channel's squared residual that it explains beside all that is fitted.
     r2: float
+    #: P-value adjusted for all signals, lags and channels.
     p: float
+    #: The one that has this form, and whether it is "estimated", "held" or "unknown" to the vehicle.
     coefficient: str
     status: Status
 
@@ -301,40 +292,27 @@ def _coefficient(channel: str, signal: str) -> str:
 
 @dataclass(frozen=True)
 class Autocorrelation(Plain, without="effective", also="effective_samples=effective excess"):
-    """Autocorrelation of one channel's residual, pooled over the trials.
+    """Autocorrelation of one channel's residual, pooled over the trials."""
 
-    Attributes
-    ----------
-    channel
-        Its name.
-    lag_s, rho
-        Lags in s and autocorrelations, both (lags,), from one sample on.
-    band
-        White residuals stay within plus and minus this in 95 of 100 lags: ``1.96 / sqrt(samples)``.
-    outside
-        Share of the lags outside the band; 0.05 for white residuals.
-    p
-        Probability that white residuals correlate as much (Ljung-Box over the first lags).
-    samples, effective
-        Samples that count, and how many independent ones they are worth.
-    correlation_s
-        Correlation time, s.
-    rms
-        Root mean square of the residual, SI.
-    noise
-        Noise of the sensor, SI: as given, otherwise the white part of the residual (second differences).
-    """
-
+    #: Its name.
     channel: str
+    #: Lags in s and autocorrelations, both (lags,), from one sample on.
     lag_s: Array
     rho: Array
+    #: White residuals stay within plus and minus this in 95 of 100 lags: ``1.96 / sqrt(samples)``.
     band: float
+    #: Share of the lags outside the band; 0.05 for white residuals.
     outside: float
+    #: Probability that white residuals correlate as much (Ljung-Box over the first lags).
     p: float
+    #: Samples that count, and how many independent ones they are worth.
     samples: int
     effective: float
+    #: Correlation time, s.
     correlation_s: float
+    #: Root mean square of the residual, SI.
     rms: float
+    #: Noise of the sensor, SI: as given, otherwise the white part of the residual (second differences).
     noise: float
 
     @property

@@ -56,24 +56,16 @@ _LENGTHS = np.array([1.0, 0.7, 0.5, 0.3, 0.15, 0.05, 0.01, 1.3])
 
 @dataclass(frozen=True)
 class Slopes:
-    """A criterion's residuals and their derivatives at a candidate.
+    """A criterion's residuals and their derivatives at a candidate."""
 
-    Attributes
-    ----------
-    residual
-        Measured minus simulated (n,), in standard deviations of the channel.
-    jacobian
-        Derivative (n, m) of what is simulated by the parameters, in the same unit.
-    share
-        Share (n,) of every sample in the criterion.
-    knee
-        Up to here, in standard deviations, an error counts as its square: 0 for absolute, infinite for
-        squared errors, between them Huber's loss.
-    """
-
+    #: Measured minus simulated (n,), in standard deviations of the channel.
     residual: Array
+    #: Derivative (n, m) of what is simulated by the parameters, in the same unit.
     jacobian: Array
+    #: Share (n,) of every sample in the criterion.
     share: Array
+    #: Up to here, in standard deviations, an error counts as its square: 0 for absolute, infinite for squared
+    #: errors, between them Huber's loss.
     knee: float
 
 

@@ -40,66 +40,48 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class EventSettings:
-    """Thresholds of an estimate on events.
+    """Thresholds of an estimate on events."""
 
-    Attributes
-    ----------
-    fewest
-        Events from which their scatter tells a deviation: the jackknife of fewer has under four degrees of
-        freedom.
-    most
-        Events at most, spread over the trials: of more, every second or third.
-    explained
-        Part of an axis' motion within its events that the simulation has to show: of less, waves are most.
-    decays_s, memories_s
-        Decay of the waves' covariance and memory of slow errors, s: a swell keeps its phase for some
-        periods, a wind sea for less.
-    waves_rad_s
-        Frequencies of waves: periods of 2 to 16 s, closer than the width that a decay of 25 s smears.
-    current, velocity, angle, place
-        Prior deviations of an event's own current, m/s, and of its start: m/s and rad/s, rad, m. They are
-        wide; the event tells them.
-    drag
-        Cross-flow drag coefficient of a hull known beforehand, value and deviation: 0.7 to 1.2, cylinders and
-        ellipses of finite length (White 2011, table 7.3; Hoerner 1965, chapter 3).
-    damping
-        Deviation of quadratic damping about the vehicle's value, over it: that of ``drag``.
-    at_bound
-        Distance from a bound, over the width of the bounds, from which a value lies inside them.
-    beyond, moved
-        Deviations beyond a bound from which the data contradict it; deviations and part of its value by which
-        a coefficient moves without such bounds that makes up for them: as in `seatrial.diagnosis.assessment`.
-    damped
-        Linear damping of the second start, over its lower bound: an unstable hull without any runs away.
-    diverged
-        Largest error or derivative, SI: beyond it the simulation of an event has diverged.
-    rounds, settled
-        Estimates and covariances in turn at most (three settle it), and the change of an estimate, in its
-        deviations, from which a round is the last.
-    steps, little
-        Steps of a round at most, and the part of its cost that its last one gains: the covariance changes
-        more.
-    """
-
+    #: Events from which their scatter tells a deviation: the jackknife of fewer has under four degrees of
+    #: freedom.
     fewest: int = 5
+    #: Events at most, spread over the trials: of more, every second or third.
     most: int = 20
+    #: Part of an axis' motion within its events that the simulation has to show: of less, waves are most.
     explained: float = 0.5
+    #: Decay of the waves' covariance and memory of slow errors, s: a swell keeps its phase for some periods,
+    #: a wind sea for less.
     decays_s: tuple[float, ...] = (4.0, 10.0, 25.0)
     memories_s: tuple[float, ...] = (0.3, 1.0, 3.0, 10.0)
+    #: Frequencies of waves: periods of 2 to 16 s, closer than the width that a decay of 25 s smears.
     waves_rad_s: tuple[float, ...] = tuple(np.linspace(0.4, 3.2, 15).tolist())
+    #: Prior deviations of an event's own current, m/s, and of its start: m/s and rad/s, rad, m. They are
+    #: wide; the event tells them.
     current: float = 0.1
     velocity: float = 0.3
     angle: float = 0.1
     place: float = 0.5
+    #: Cross-flow drag coefficient of a hull known beforehand, value and deviation: 0.7 to 1.2, cylinders and
+    #: ellipses of finite length (White 2011, table 7.3; Hoerner 1965, chapter 3).
     drag: tuple[float, float] = (0.95, 0.25)
+    #: Deviation of quadratic damping about the vehicle's value, over it: that of ``drag``.
     damping: float = 0.3
+    #: Distance from a bound, over the width of the bounds, from which a value lies inside them.
     at_bound: float = 1e-3
+    #: Deviations beyond a bound from which the data contradict it; deviations and part of its value by which
+    #: a coefficient moves without such bounds that makes up for them: as in `seatrial.diagnosis.assessment`.
     beyond: float = 3.0
     moved: tuple[float, float] = (2.0, 0.05)
+    #: Linear damping of the second start, over its lower bound: an unstable hull without any runs away.
     damped: float = 0.05
+    #: Largest error or derivative, SI: beyond it the simulation of an event has diverged.
     diverged: float = 1e6
+    #: Estimates and covariances in turn at most (three settle it), and the change of an estimate, in its
+    #: deviations, from which a round is the last.
     rounds: int = 6
     settled: float = 0.1
+    #: Steps of a round at most, and the part of its cost that its last one gains: the covariance changes
+    #: more.
     steps: int = 25
     little: float = 1e-5
 

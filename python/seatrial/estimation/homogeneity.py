@@ -61,20 +61,13 @@ class Held:
 
 @dataclass(frozen=True)
 class Homogeneity(Plain, also="sentences"):
-    """The homogeneous direction of a campaign: its members, which of them are free, what holds the scale.
+    """The homogeneous direction of a campaign: its members, which of them are free, what holds the scale."""
 
-    Attributes
-    ----------
-    members
-        Coefficients that scaled together change no motion.
-    free
-        Those of them that the campaign frees.
-    held
-        What is held and acts in the free axes, the most telling first; empty: the scale is arbitrary.
-    """
-
+    #: Coefficients that scaled together change no motion.
     members: tuple[str, ...]
+    #: Those of them that the campaign frees.
     free: tuple[str, ...]
+    #: What is held and acts in the free axes, the most telling first; empty: the scale is arbitrary.
     held: tuple[Held, ...]
 
     @property

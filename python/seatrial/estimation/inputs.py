@@ -73,23 +73,15 @@ class Combination:
 
 @dataclass(frozen=True)
 class Dependence:
-    """How independent signals are.
+    """How independent signals are."""
 
-    Attributes
-    ----------
-    names
-        All signals, in their order.
-    singular_values
-        Of the signals that move, each over its own root mean square; relative to the largest.
-    still
-        Signals that do not move.
-    combinations
-        A basis of what is hardly driven, as few signals in each as possible.
-    """
-
+    #: All signals, in their order.
     names: tuple[str, ...]
+    #: Of the signals that move, each over its own root mean square; relative to the largest.
     singular_values: tuple[float, ...]
+    #: Signals that do not move.
     still: tuple[str, ...]
+    #: A basis of what is hardly driven, as few signals in each as possible.
     combinations: tuple[Combination, ...]
 
     @property
@@ -301,36 +293,24 @@ def centred(signals: Array, weight: Array) -> Array:
 
 @dataclass(frozen=True)
 class InputJudgement(Plain, also="sentences"):
-    """The inputs of a campaign, judged before anything is fitted.
+    """The inputs of a campaign, judged before anything is fitted."""
 
-    Attributes
-    ----------
-    drives
-        Per actuator, in the vehicle's order; empty where the logged wrench is the only input.
-    thrusts
-        Singular values and hardly driven combinations of the thrusts.
-    rows_rms
-        Root mean square of every row of the wrench about its mean, N and N m.
-    rows
-        Singular values and hardly driven combinations of the rows that are driven.
-    options
-        Ways to free thrust gains.
-    offered
-        Keys of the gains that may be freed: single ones where the inputs tell them apart, else by group and
-        direction.
-    freed
-        Gains that the campaign frees singly although they cannot be told apart.
-    fins
-        Actuators that are fins: they deflect and lift, and have no thrust.
-    """
-
+    #: Per actuator, in the vehicle's order; empty where the logged wrench is the only input.
     drives: tuple[Drive, ...]
+    #: Singular values and hardly driven combinations of the thrusts.
     thrusts: Dependence
+    #: Root mean square of every row of the wrench about its mean, N and N m.
     rows_rms: dict[str, float]
+    #: Singular values and hardly driven combinations of the rows that are driven.
     rows: Dependence
+    #: Ways to free thrust gains.
     options: tuple[GainOption, ...]
+    #: Keys of the gains that may be freed: single ones where the inputs tell them apart, else by group and
+    #: direction.
     offered: tuple[str, ...]
+    #: Gains that the campaign frees singly although they cannot be told apart.
     freed: tuple[str, ...]
+    #: Actuators that are fins: they deflect and lift, and have no thrust.
     fins: tuple[str, ...] = ()
 
     def sentences(self) -> list[str]:

@@ -189,30 +189,20 @@ SCALE_SETTINGS = ScaleSettings()
 
 @dataclass(frozen=True)
 class Implied(Plain, also="added_kg warnings"):
-    """What an anchor implies for an identified vehicle.
+    """What an anchor implies for an identified vehicle."""
 
-    Attributes
-    ----------
-    factor
-        True over identified forces.
-    mass_kg
-        Mass beside which added mass is told, and by which the centre of gravity is placed: dry mass and water
-        where they are given, else the vehicle's m.
-    apparent_kg
-        True mass plus added mass in surge, sway and heave.
-    gains
-        True thrust over that of the campaign's vehicle, per group, or per actuator where they differ.
-    net_weight_n
-        True ``W - B``.
-    centre_height_m, file_height_m
-        Centre of gravity below the centre of buoyancy, as implied and in the campaign's vehicle.
-    """
-
+    #: True over identified forces.
     factor: Factor
+    #: Mass beside which added mass is told, and by which the centre of gravity is placed: dry mass and water
+    #: where they are given, else the vehicle's m.
     mass_kg: float
+    #: True mass plus added mass in surge, sway and heave.
     apparent_kg: dict[str, float]
+    #: True thrust over that of the campaign's vehicle, per group, or per actuator where they differ.
     gains: dict[str, float]
+    #: True ``W - B``.
     net_weight_n: float
+    #: Centre of gravity below the centre of buoyancy, as implied and in the campaign's vehicle.
     centre_height_m: float
     file_height_m: float
     g: float
@@ -245,29 +235,19 @@ class Implied(Plain, also="added_kg warnings"):
 
 @dataclass(frozen=True)
 class ScaleReport(Plain, without="identified", also="sentences"):
-    """The scale of all forces: what it rests on, what the anchors imply, coefficients free of it.
+    """The scale of all forces: what it rests on, what the anchors imply, coefficients free of it."""
 
-    Attributes
-    ----------
-    homogeneity
-        The homogeneous direction of the campaign.
-    implied
-        One per anchor: of an identified vehicle all, before that bollard pulls only.
-    waiting
-        Anchors that are judged once the vehicle is identified.
-    ratios
-        What trials tell whatever the scale, over the mean thrust factor; empty before the identification.
-    identified
-        Whether it is an identified vehicle that was judged.
-    tested
-        Groups or actuators whose thrust the campaign's bench test measured.
-    """
-
+    #: The homogeneous direction of the campaign.
     homogeneity: Homogeneity
+    #: One per anchor: of an identified vehicle all, before that bollard pulls only.
     implied: tuple[Implied, ...]
+    #: Anchors that are judged once the vehicle is identified.
     waiting: tuple[str, ...]
+    #: What trials tell whatever the scale, over the mean thrust factor; empty before the identification.
     ratios: dict[str, float]
+    #: Whether it is an identified vehicle that was judged.
     identified: bool
+    #: Groups or actuators whose thrust the campaign's bench test measured.
     tested: tuple[str, ...] = ()
 
     @property

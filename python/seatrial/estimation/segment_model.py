@@ -188,30 +188,20 @@ def _scale(records: Sequence[Record]) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class SegmentModel:
-    """Segments of a stage's records and the parameters that are free: what candidates show and how far off.
+    """Segments of records and the parameters that are free: what candidates show, and how far off."""
 
-    Attributes
-    ----------
-    vehicle
-        Gives what the parameters do not set.
-    stage, data
-        Axes, and what is compared.
-    parameters
-        The free ones (m of them); each sets one coefficient or several.
-    substeps
-        Steps of the integration per sample.
-    threads
-        Threads of the core, all when None; no result depends on it.
-    starts_count
-        Whether the first sample of a segment counts, as it does where the initial conditions are free too.
-    """
-
+    #: Gives what the parameters do not set.
     vehicle: Vehicle
+    #: Axes, and what is compared.
     stage: Stage
     data: StageData
+    #: The free ones (m of them); each sets one coefficient or several.
     parameters: tuple[Parameter, ...]
+    #: Steps of the integration per sample.
     substeps: int
+    #: Threads of the core, all when None; no result depends on it.
     threads: int | None = None
+    #: Whether the first sample of a segment counts, as it does where the initial conditions are free too.
     starts_count: bool = False
     _replays: dict[tuple[str, ...], Replay] = field(default_factory=dict, init=False, repr=False)
 

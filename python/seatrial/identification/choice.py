@@ -97,35 +97,24 @@ commands judges nothing, the estimate was interrupted, nothing is left."""
 
 @dataclass(frozen=True)
 class Choice:
-    """Stages and joint estimate judged on data outside the fit.
+    """Stages and joint estimate judged on data outside the fit."""
 
-    Attributes
-    ----------
-    result
-        "joint estimate" or "stages": whose coefficients the vehicle has.
-    evidence
-        Which data judged, or why none did.
-    stages, joint
-        R2 so many seconds ahead per channel, pooled over the trials.
-    likelihood
-        Negative log-likelihood per sample and channel, joint estimate minus stages; negative where the joint
-        estimate is better.
-    polished
-        How the joint estimate went, whether or not it is the result.
-    ahead_s
-        How far ahead was predicted, s.
-    rivals
-        Where predictions of a filter were judged: R2 by channel of what knows no vehicle, the measured value
-        held so long ("hold last") and a regression on the past of the log ("linear").
-    """
-
+    #: "joint estimate" or "stages": whose coefficients the vehicle has.
     result: Literal["joint estimate", "stages"]
+    #: Which data judged, or why none did.
     evidence: Evidence
+    #: R2 so many seconds ahead per channel, pooled over the trials.
     stages: Mapping[str, float]
     joint: Mapping[str, float]
+    #: Negative log-likelihood per sample and channel, joint estimate minus stages; negative where the joint
+    #: estimate is better.
     likelihood: float
+    #: How the joint estimate went, whether or not it is the result.
     polished: Polished
+    #: How far ahead was predicted, s.
     ahead_s: float = AHEAD_S
+    #: Where predictions of a filter were judged: R2 by channel of what knows no vehicle, the measured value
+    #: held so long ("hold last") and a regression on the past of the log ("linear").
     rivals: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @property

@@ -71,23 +71,15 @@ SETTINGS = CovarianceSettings()
 
 @dataclass(frozen=True, eq=False)
 class CoefficientCovariance(Plain):
-    """How well coefficients are known.
+    """How well coefficients are known."""
 
-    Attributes
-    ----------
-    names
-        Coefficients (n,).
-    at
-        Their values (n,), SI.
-    matrix
-        Covariance (n, n), SI; singular where coefficients are tied.
-    notes
-        Sentences: what is not in it, and what is there by assumption.
-    """
-
+    #: Coefficients (n,).
     names: tuple[str, ...]
+    #: Their values (n,), SI.
     at: Array
+    #: Covariance (n, n), SI; singular where coefficients are tied.
     matrix: Array
+    #: Sentences: what is not in it, and what is there by assumption.
     notes: tuple[str, ...] = ()
 
     @classmethod

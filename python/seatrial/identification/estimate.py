@@ -78,22 +78,15 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Tally:
-    """How many of the wanted coefficients the trials determine; the equal ones of a group are one.
+    """How many of the wanted coefficients the trials determine; the equal ones of a group are one."""
 
-    Attributes
-    ----------
-    identifiable, weak, not_identifiable
-        By the verdict of the joint estimate. What ended at a bound is not identifiable.
-    held
-        Hidden by feedback: they keep the values of the vehicle file.
-    not_judged
-        Estimated by a stage alone, without a verdict.
-    """
-
+    #: By the verdict of the joint estimate. What ended at a bound is not identifiable.
     identifiable: int
     weak: int
     not_identifiable: int
+    #: Hidden by feedback: they keep the values of the vehicle file.
     held: int
+    #: Estimated by a stage alone, without a verdict.
     not_judged: int
 
     @property

@@ -42,42 +42,29 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class EventEstimate(Plain, without="parameters covariance"):
-    """What the events of a stage tell of its coefficients.
+    """What the events of a stage tell of its coefficients."""
 
-    Attributes
-    ----------
-    stage
-        Its name, or that of a motion that no stage frees.
-    axes
-        Letters of the axes whose commands answer the motion.
-    events
-        What it was estimated from, or what there is where that is too little.
-    parameters
-        Free ones, with strips in place of quadratic damping where these predict better; none where the
-        events carry too little.
-    values, covariance, prior
-        Estimates (m,), covariance (m, m), and per parameter the value and deviation known beforehand, SI.
-    verdicts
-        Per parameter, as of `seatrial.diagnosis.identifiability`.
-    damping
-        "quadratic" or "strips".
-    likelier
-        By how much that form predicts the left-out events better than the other, log-likelihood; zero where
-        one form alone was estimated.
-    strips
-        ``C_Dy`` or ``C_Dz`` where strips were taken, else "".
-    """
-
+    #: Its name, or that of a motion that no stage frees.
     stage: str
+    #: Letters of the axes whose commands answer the motion.
     axes: str
+    #: What it was estimated from, or what there is where that is too little.
     events: tuple[Event, ...]
+    #: Free ones, with strips in place of quadratic damping where these predict better; none where the events
+    #: carry too little.
     parameters: tuple[Parameter, ...] = ()
+    #: Estimates (m,), covariance (m, m), and per parameter the value and deviation known beforehand, SI.
     values: tuple[float, ...] = ()
     covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
     prior: tuple[tuple[float, float], ...] = ()
+    #: Per parameter, as of `seatrial.diagnosis.identifiability`.
     verdicts: tuple[str, ...] = ()
+    #: "quadratic" or "strips".
     damping: str = ""
+    #: By how much that form predicts the left-out events better than the other, log-likelihood; zero where
+    #: one form alone was estimated.
     likelier: float = 0.0
+    #: ``C_Dy`` or ``C_Dz`` where strips were taken, else "".
     strips: str = ""
 
     @property
@@ -109,17 +96,11 @@ class EventEstimate(Plain, without="parameters covariance"):
 
 @dataclass(frozen=True)
 class EventEstimates:
-    """What events tell, and the problem that is left.
+    """What events tell, and the problem that is left."""
 
-    Attributes
-    ----------
-    whole
-        The problem that was asked.
-    estimates
-        By stage, those that carry too little too.
-    """
-
+    #: The problem that was asked.
     whole: Problem
+    #: By stage, those that carry too little too.
     estimates: tuple[EventEstimate, ...] = ()
 
     @cached_property

@@ -62,24 +62,16 @@ SETTINGS = FittedSettings()
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """Coefficients of k drawn vehicles.
+    """Coefficients of k drawn vehicles."""
 
-    Attributes
-    ----------
-    names, values
-        Coefficients (n,), and their values (k, n), SI.
-    thrown
-        How many impossible draws went before each, (k,).
-    outside
-        How often a coefficient had a part in what made a draw impossible, (n,).
-    pushed
-        Letters of the axes that the vehicle's thrusters push directly, for the words.
-    """
-
+    #: Coefficients (n,), and their values (k, n), SI.
     names: tuple[str, ...]
     values: Array
+    #: How many impossible draws went before each, (k,).
     thrown: NDArray[np.int_]
+    #: How often a coefficient had a part in what made a draw impossible, (n,).
     outside: Array
+    #: Letters of the axes that the vehicle's thrusters push directly, for the words.
     pushed: str = "XYZKMN"
 
     @property

@@ -47,48 +47,32 @@ HELD_SETTINGS = HeldSettings()
 
 @dataclass(frozen=True)
 class Held:
-    """A coefficient that was to be identified and keeps the value of the vehicle file.
+    """A coefficient that was to be identified and keeps the value of the vehicle file."""
 
-    Attributes
-    ----------
-    name, value, unit
-        Of the coefficient, SI.
-    parameter
-        Its name in the campaign: the coefficient's own, or that of its group.
-    axis
-        Letter of the axis that alone could tell it.
-    why
-        The verdict on that axis, with its evidence.
-    trial
-        Which trial tells it.
-    """
-
+    #: Of the coefficient, SI.
     name: str
     value: float
     unit: str
+    #: Its name in the campaign: the coefficient's own, or that of its group.
     parameter: str
+    #: Letter of the axis that alone could tell it.
     axis: str
+    #: The verdict on that axis, with its evidence.
     why: str
+    #: Which trial tells it.
     trial: str
 
 
 @dataclass(frozen=True)
 class Conditional:
-    """An estimate that rests on a held value: how it would change were that value a fifth larger.
+    """An estimate that rests on a held value: how it would change were that value a fifth larger."""
 
-    Attributes
-    ----------
-    name, unit
-        Of the estimated coefficient.
-    on
-        The held one, by its name in the campaign.
-    change, deviations
-        In SI, and in standard deviations of the estimate.
-    """
-
+    #: Of the estimated coefficient.
     name: str
     unit: str
+    #: The held one, by its name in the campaign.
     on: str
+    #: In SI, and in standard deviations of the estimate.
     change: float
     deviations: float
 

@@ -47,21 +47,14 @@ class PartScores:
 
 @dataclass(frozen=True)
 class Restarts:
-    """Where the simulations of scores restart, how far they run, and what they cannot judge.
+    """Where the simulations of scores restart, how far they run, and what they cannot judge."""
 
-    Attributes
-    ----------
-    trials
-        By name, with the states and the current that a filter knew (`Innovations.followed`); others restart
-        from their smoothed log.
-    ahead_s
-        How far a simulation runs, s.
-    limits
-        By trial what no model can predict; None: `Campaign.limits`.
-    """
-
+    #: By name, with the states and the current that a filter knew (`Innovations.followed`); others restart
+    #: from their smoothed log.
     trials: Mapping[str, Trial] = field(default_factory=dict)
+    #: How far a simulation runs, s.
     ahead_s: float = AHEAD_S
+    #: By trial what no model can predict; None: `Campaign.limits`.
     limits: Mapping[str, Unpredictable] | None = None
 
     @classmethod

@@ -63,30 +63,20 @@ LEAVE_ONE_OUT_SETTINGS = LeaveOneOutSettings()
 
 @dataclass(frozen=True)
 class LeftOut:
-    """One trial judged by a vehicle that was identified without it.
+    """One trial judged by a vehicle that was identified without it."""
 
-    Attributes
-    ----------
-    trial
-        Its name.
-    r2, baselines
-        R2 ten seconds ahead by velocity channel, and by baseline and channel.
-    coefficients
-        Estimates by name, SI, of what the fit without it found.
-    result
-        "joint estimate" or "stages".
-    lost
-        Stages that have no other trial: what they free was left to the joint estimate.
-    failed
-        Why it could not be identified or judged without this trial; empty otherwise.
-    """
-
+    #: Its name.
     trial: str
+    #: R2 ten seconds ahead by velocity channel, and by baseline and channel.
     r2: Mapping[str, float]
     baselines: Mapping[str, Mapping[str, float]]
+    #: Estimates by name, SI, of what the fit without it found.
     coefficients: Mapping[str, float]
+    #: "joint estimate" or "stages".
     result: str
+    #: Stages that have no other trial: what they free was left to the joint estimate.
     lost: tuple[str, ...] = ()
+    #: Why it could not be identified or judged without this trial; empty otherwise.
     failed: str = ""
 
     def best_baseline(self, channel: str) -> tuple[str, float] | None:

@@ -99,35 +99,23 @@ Verdict = Literal["kept", "within chance", "too little", "another gains more", "
 
 @dataclass(frozen=True)
 class Proposal(Plain):
-    """A change of the model that an estimate asked for, and what parts that it had not seen said of it.
+    """A change of the model that an estimate asked for, and what parts that it had not seen said of it."""
 
-    Attributes
-    ----------
-    round
-        From 1.
-    name
-        The coefficient, the group's coefficient, or the force of a trial.
-    kind
-        What is changed: a coefficient is freed ("term"), or a bound is widened ("bound").
-    line
-        The line of the campaign's ``[polish.coefficients]`` or ``[polish.nuisances]`` that says it.
-    channel
-        The channel that gains most.
-    gain
-        By how much its root mean square error falls on parts not seen, percent.
-    p
-        Probability of a gain as large by chance, times the proposals of the round.
-    verdict
-        Whether it was kept, or why not.
-    """
-
+    #: From 1.
     round: int
+    #: The coefficient, the group's coefficient, or the force of a trial.
     name: str
+    #: What is changed: a coefficient is freed ("term"), or a bound is widened ("bound").
     kind: Literal["term", "bound"]
+    #: The line of the campaign's ``[polish.coefficients]`` or ``[polish.nuisances]`` that says it.
     line: str
+    #: The channel that gains most.
     channel: str
+    #: By how much its root mean square error falls on parts not seen, percent.
     gain: float
+    #: Probability of a gain as large by chance, times the proposals of the round.
     p: float
+    #: Whether it was kept, or why not.
     verdict: Verdict
 
 
