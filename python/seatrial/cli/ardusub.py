@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,6 +14,16 @@ from seatrial.cli.options import Output, Resume, Threads, end, shared
 if TYPE_CHECKING:
     from seatrial.ardusub.from_log import LogTuning
     from seatrial.ardusub.log_replay import Replay
+
+
+@dataclass(frozen=True)
+class Draws:
+    """How many missions judge the parameters, and how they are drawn."""
+
+    missions: Annotated[
+        int, typer.Option(min=16, max=100_000, help="Missions with which before and after are judged.")
+    ] = 1000
+    seed: Annotated[int, typer.Option(min=0, max=2**31, help="Of everything that is drawn.")] = 0
 
 
 @shared
@@ -31,10 +42,7 @@ def ardusub(
     vehicle: Annotated[
         str | None, typer.Option(help="Vehicle file or built-in vehicle to begin with; else by the frame.")
     ] = None,
-    missions: Annotated[
-        int, typer.Option(min=16, max=100_000, help="Missions with which before and after are judged.")
-    ] = 1000,
-    seed: Annotated[int, typer.Option(min=0, max=2**31, help="Of everything that is drawn.")] = 0,
+    draws: Draws = Draws(),
     resume: Resume = True,
     threads: Threads = None,
     output: Output = Output(),
@@ -66,9 +74,16 @@ def ardusub(
         try:
             with long_work("reading", quiet=output.json) as show:
                 result = tune_log(
-                    log, out=folder, parameters=given, vehicle=vehicle, missions=missions, seed=seed,
-                    threads=threads, resume=resume, say=lambda share, words: show(share, words, ()),
-                )  # fmt: skip
+                    log,
+                    out=folder,
+                    parameters=given,
+                    vehicle=vehicle,
+                    missions=draws.missions,
+                    seed=draws.seed,
+                    threads=threads,
+                    resume=resume,
+                    say=lambda share, words: show(share, words, ()),
+                )
         except KeyboardInterrupt:
             if not output.json:
                 say(f"Interrupted; what is finished is kept beside {folder}, and the same command goes on.")

@@ -41,6 +41,7 @@ def bench(
         )
     if (write is not None or in_place) and not test.notes:
         raise SeatrialError(f"{bench_file}: nothing could be written: {'; '.join(test.warnings)}")
+    # The run directory has the vehicle file in any case; where else it goes was asked for.
     folder = test.save(output.out or Path("runs") / f"bench-{test.file.name}")
     written = None
     if write is not None:

@@ -96,6 +96,7 @@ def check(
 
     Example: seatrial check vehicle.toml
     """
+    # What cannot be is refused before a file is read, what does not fit the file after its kind is known.
     _check_numbers(voltage, speed_kn or [], flying)
     kind = _kind(target)
     _check_options(target, kind, flying, {"--speed-kn": speed_kn or None, "--out": out})
@@ -241,6 +242,7 @@ def _check_mission(target: str, flying: Flying, voltage: float, out: Path | None
     results = ""
     writes = bool(output.endings) or out is not None
     with only_user(folder) if writes else nullcontext():
+        # A mission in geographic coordinates is written as the autopilot reads it.
         if mission.origin is not None and writes:
             metres = folder / "mission_metres.toml"
             folder.mkdir(parents=True, exist_ok=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -59,18 +59,6 @@ class Program:
         float | None, typer.Option(metavar="V", help="Supply, where thrust depends on it.")
     ] = None
     max_step: Annotated[float, typer.Option(metavar="S", help="Longest step of the vehicle.")] = 0.02
-
-    @property
-    def given(self) -> dict[str, Any]:
-        """Options by their names that change nothing but a program."""
-        names = {"--mission": self.mission, "--model": self.model, "--name": self.name}
-        return names | {"--voltage": self.voltage}
-
-
-@dataclass(frozen=True)
-class Filter:
-    """The navigation filter of a program in C."""
-
     navigation: Annotated[
         str, typer.Option(metavar="sensors|filter", help="For c: filter writes the navigation filter too.")
     ] = "sensors"
@@ -83,9 +71,27 @@ class Filter:
 
     @property
     def given(self) -> dict[str, Any]:
-        """Options by their names."""
+        """Options by their names that change nothing but a program."""
+        names = {"--mission": self.mission, "--model": self.model, "--name": self.name}
+        return names | self.filter_given | {"--voltage": self.voltage}
+
+    @property
+    def filter_given(self) -> dict[str, Any]:
+        """Options of the navigation filter by their names."""
         asked = None if self.navigation == "sensors" else self.navigation
         return {"--navigation": asked, "--sensors": self.sensors}
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Options of `seatrial.export_c` and `export_fmu` that both take."""
+        return {
+            "mission": self.mission,
+            "model": self.model,
+            "name": self.name,
+            "feedback": self.feedback,
+            "voltage_v": self.voltage,
+            "max_step_s": self.max_step,
+        }
 
 
 @dataclass(frozen=True)
@@ -124,7 +130,6 @@ def export(
     ] = None,
     read: Samples = Samples(),
     program: Program = Program(),
-    navigation: Filter = Filter(),
     unit: Unit = Unit(),
     json: Json = False,
 ) -> None:
@@ -141,10 +146,10 @@ def export(
         if form == "c":
             _refuse(form, unit.given | {"--no-binary": not unit.binary})
         else:
-            _refuse(form, navigation.given)
-        _program(form, source, autopilot, out, program, navigation, unit, json=json)
+            _refuse(form, program.filter_given)
+        _program(form, source, autopilot, out, program, unit, json=json)
         return
-    _refuse(form, {"AUTOPILOT": autopilot} | program.given | navigation.given | unit.given)
+    _refuse(form, {"AUTOPILOT": autopilot} | program.given | unit.given)
     if form == "sdf":
         _refuse(form, read.given)
         _model(source, out, json=json)
@@ -160,29 +165,20 @@ def _refuse(form: str, given: dict[str, Any]) -> None:
 
 
 def _program(
-    form: str,
-    vehicle: str,
-    autopilot: str | None,
-    out: Path,
-    program: Program,
-    navigation: Filter,
-    unit: Unit,
-    *,
-    json: bool,
+    form: str, vehicle: str, autopilot: str | None, out: Path, program: Program, unit: Unit, *, json: bool
 ) -> None:
     """Write programs of a vehicle and its autopilot."""
     from seatrial.cli.console import answer, print_json
     from seatrial.export import export_c, export_fmu
 
-    options = asdict(program)
-    options |= {"out": out, "voltage_v": options.pop("voltage"), "max_step_s": options.pop("max_step")}
+    options = program.options | {"out": out}
     if form == "c":
-        written: CExport | FmuExport = export_c(vehicle, autopilot, **options, **asdict(navigation))
+        filtered: dict[str, Any] = {"navigation": program.navigation, "sensors": program.sensors}
+        written: CExport | FmuExport = export_c(vehicle, autopilot, **options, **filtered)
     else:
+        drawn: dict[str, Any] = {"samples": unit.samples, "seed": unit.seed}
         compiler = None if unit.binary else ""
-        written = export_fmu(
-            vehicle, autopilot, samples=unit.samples, seed=unit.seed, compiler=compiler, **options
-        )
+        written = export_fmu(vehicle, autopilot, compiler=compiler, **drawn, **options)
     if json:
         print_json(written.to_dict())
     else:

@@ -28,6 +28,7 @@ from seatrial.cli.options import (
 
 if TYPE_CHECKING:
     from seatrial.base.run import RunDirectory
+    from seatrial.flight.conditions import Conditions
     from seatrial.flight.flight import Flight
     from seatrial.flight.fly import Seeds
     from seatrial.realtime.ardupilot_link import SitlSession
@@ -40,9 +41,10 @@ MissionFile = Annotated[str, typer.Argument(help="Mission file.")]
 
 
 @dataclass(frozen=True)
-class Failures:
-    """What goes wrong on a flight."""
+class Circumstances(Aboard):
+    """What is aboard, by what the autopilot goes, and what goes wrong on a flight."""
 
+    navigation: Navigation = "sensors"
     fault: Annotated[
         list[str] | None,
         typer.Option(
@@ -58,6 +60,16 @@ class Failures:
             " times in s; repeatable.",
         ),
     ] = None
+
+    def of_flight(self) -> Conditions:
+        """The conditions that were asked for."""
+        from seatrial.flight.failures import Fault, Outage
+
+        return self.conditions(
+            faults=[Fault.parse(text) for text in self.fault or []],
+            outages=[Outage.parse(text) for text in self.outage or []],
+            navigation=self.navigation,
+        )
 
 
 @dataclass(frozen=True)
@@ -82,9 +94,7 @@ def fly(
     autopilot: Steers,
     mission: MissionFile,
     sea: Sea = Sea(),
-    aboard: Aboard = Aboard(),
-    navigation: Navigation = "sensors",
-    failures: Failures = Failures(),
+    circumstances: Circumstances = Circumstances(),
     repeats: Repeats = Repeats(),
     payload: Annotated[
         Path | None,
@@ -100,17 +110,12 @@ def fly(
     """
     from seatrial.base.run import RunDirectory
     from seatrial.cli.console import reported
-    from seatrial.flight.failures import Fault, Outage
     from seatrial.flight.fly import fly as flown
     from seatrial.flight.fly import fly_seeds
 
     sources = (vehicle, autopilot, mission)
     water = sea.water()
-    conditions = aboard.conditions(
-        faults=[Fault.parse(text) for text in failures.fault or []],
-        outages=[Outage.parse(text) for text in failures.outage or []],
-        navigation=navigation,
-    )
+    conditions = circumstances.of_flight()
     folder = output.out or Path("runs") / _folder(vehicle, mission)
     # Held from before the flight on: a second flight into it is refused at once.
     with RunDirectory(folder, "flight") as directory:
@@ -218,6 +223,7 @@ def realtime(
     from seatrial.flight.conditions import Water
     from seatrial.realtime.flight import fly_realtime
 
+    # A flight by the clock cannot be repeated: its place is refused before, not after it.
     if out is not None:
         check_writable(out, "flight")
 
@@ -320,6 +326,7 @@ def sitl(
     from seatrial.cli.console import note
     from seatrial.realtime.ardupilot_link import sitl as serve
 
+    # A session cannot be repeated either: the place of its log is refused before it.
     if log is not None:
         read = {"the vehicle": vehicle, "the parameters": link.parameters, "the sensors": begin.sensors}
         check_place(log, "--log", endings=(".csv", ".parquet"), inputs=read, folder_made=True)

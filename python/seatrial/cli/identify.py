@@ -81,11 +81,12 @@ def identify(
         loaded, name = loaded.with_locked_axes(_mode(changed.locked_axes)), f"{name}-{changed.locked_axes}"
     folder = output.out or Path("runs") / name
     without = folder.with_name(f"{folder.name}-leave-one-out")
-    if leave_one_out:
+    if leave_one_out:  # refused now, not after hours of identification
         check_writable(without, "leave one out")
     fit = run_identification(loaded, folder, computing=computing, rounds=changed.rounds, quiet=output.json)
     files = "vehicle.toml, identification.json, summary.txt, Parquet tables"
     drawn = partial(draw, fit, folder, output.endings)
+    # For people each answer stands as soon as it is known; JSON is one object at the end.
     if not output.json:
         output.show(fit, results=f"Results in {folder}: {files}", draw=drawn)
     left_out: LeaveOneOut | None = None

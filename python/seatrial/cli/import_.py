@@ -41,6 +41,7 @@ def import_(
     """
     from seatrial.simulators.convert import ENDINGS
 
+    # A single file that gz-sim would read is a model, all others are logs.
     if len(logs) == 1 and logs[0].suffix.lower() in ENDINGS:
         _model(logs[0], out, force=force, output=output)
         return

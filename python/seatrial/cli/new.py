@@ -136,9 +136,11 @@ def _like(asked: str, folder: Path) -> Report:
     vehicle, mission, campaign = (
         (EXAMPLES / name).read_text(encoding="utf-8") for name in (*LIKE[kind], "like/campaign.toml")
     )
+    # What the log tells of the thrusters is written where a reader sees it.
     for name in reversed_:
         vehicle = vehicle.replace(f'name = "{name}"\n', f'name = "{name}"\nreversed = true # by the log\n')
     loaded = Vehicle.from_toml(vehicle, "vehicle.toml")
+    # A supply means nothing to a vehicle whose thrust does not depend on it.
     if not any(facts["needs_voltage"] or facts["unit"] == "us" for facts in loaded.actuator_info().values()):
         campaign = campaign.replace("voltage_v = 16.0\n", "")
     files = {

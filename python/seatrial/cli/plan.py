@@ -31,6 +31,10 @@ class Trials:
     ] = None
     duration: Annotated[float, typer.Option(min=10.0, max=86_400.0, help="Time for one trial, s.")] = 180.0
     count: Annotated[int, typer.Option(min=1, max=20, help="Trials to plan.")] = 3
+    recorded: Annotated[bool, typer.Option(help="Count what a campaign's trials already determine.")] = True
+    voltage: Annotated[float, typer.Option(min=0.1, help="Supply voltage for tables of thrust, V.")] = (
+        NOMINAL_V
+    )
 
     def paths(self, first: Path) -> list[Path]:
         """Command files of all trials, by that of the first."""
@@ -103,10 +107,6 @@ def plan(
     trials: Trials = Trials(),
     room: Room = Room(),
     measured: Measured = Measured(),
-    recorded: Annotated[bool, typer.Option(help="Count what a campaign's trials already determine.")] = True,
-    voltage: Annotated[
-        float, typer.Option(min=0.1, help="Supply voltage for tables of thrust, V.")
-    ] = NOMINAL_V,
     threads: Threads = None,
     out: Annotated[
         Path | None,
@@ -128,6 +128,7 @@ def plan(
     from seatrial.cli.console import reported, say, search_progress
     from seatrial.experiment.plan import plan as planned
 
+    # What was asked for is refused before anything is loaded.
     if out is not None:
         check_place(out, "--out", endings=(".csv",), folder_made=True)
     limits, instruments = room.limits(), measured.instruments()
@@ -138,7 +139,7 @@ def plan(
     for path in paths:
         check_place(path, "--out", inputs=_recordings(loaded), folder_made=True)
         check_place(path.with_suffix(".toml"), "--out", inputs={"the target": target}, folder_made=True)
-    with only_user(first):
+    with only_user(first):  # another plan would write the same command files
         with search_progress("reading", quiet=output.json) as progress:
             result = planned(
                 loaded,
@@ -148,8 +149,8 @@ def plan(
                 count=trials.count,
                 limits=limits,
                 instruments=instruments,
-                use_recorded=recorded,
-                voltage_v=voltage,
+                use_recorded=trials.recorded,
+                voltage_v=trials.voltage,
                 threads=threads,
                 progress=progress,
             )
@@ -159,8 +160,9 @@ def plan(
             result,
             {"files": [str(path) for path in written]},
             results=f"Commands and sheets in {first.parent}: {', '.join(path.name for path in written)}",
-            draw=lambda: _drawn(result, vehicle, paths, voltage, output.endings),
+            draw=lambda: _drawn(result, vehicle, paths, trials.voltage, output.endings),
         )
+        # A plan has no run directory: the page takes it as it is.
         if output.page is not None:
             reported(output.page, [_as_run(result, vehicle, first)], quiet=output.json)
         if not output.json and loaded is vehicle and result.sequence[0].manoeuvre.kind != "free decay":
@@ -186,15 +188,15 @@ def _drawn(
     ]
 
 
-def _as_run(found: Plan, vehicle: Vehicle, first: Path) -> RunFolder:
+def _as_run(plan: Plan, vehicle: Vehicle, first: Path) -> RunFolder:
     """The plan as a page shows it: command files and figures need no run directory."""
     from seatrial.report.page.run_folder import RunFolder, figures_of
 
     return RunFolder(
         name=first.parent.name,
-        facts=found.facts,
-        report=found.report(),
-        results=found.to_dict(),
+        facts=plan.facts,
+        report=plan.report(),
+        results=plan.to_dict(),
         files={"vehicle.toml": vehicle.to_toml()},
         figures=tuple(figure for figure in figures_of(first.parent) if figure.name.startswith(first.stem)),
     )
@@ -223,9 +225,9 @@ def _fit(loaded: Vehicle | Campaign, run: Path | None) -> Path | str | None:
 
     if not isinstance(loaded, Campaign):
         return run
-    found = fitted_source(loaded, run)
-    note(f"Coefficients: {found or 'start values of the campaign (no run directory of identify)'}")
-    return found
+    source = fitted_source(loaded, run)
+    note(f"Coefficients: {source or 'start values of the campaign (no run directory of identify)'}")
+    return source
 
 
 def _recordings(loaded: Vehicle | Campaign) -> dict[str, str | Path | None]:

@@ -163,6 +163,7 @@ def _recipe(path: Path, out: Path | None, moving: Moving, logged: Logged, *, jso
         for name in names:
             if getattr(options, name) != getattr(type(options), name):
                 raise TrialError(f"--{name}: a recipe says this itself; leave the option out")
+    # Beside the recipe, unless another place is given; never over an input.
     target, run = out or path.with_name(f"{path.stem}-log.csv"), logged.run
     _check_places(target, run, {"the recipe": path}, log=True)
     recipe = Recipe.load(path)

@@ -47,6 +47,7 @@ def autopilot(
     another = "and it is not overwritten; give another name, or --force"
     if out.exists() and not force:
         raise SeatrialError(f"--out {out}: this file exists, {another}")
+    # The text is checked as it will be read, with the comments that say why a loop is missing.
     loaded = Vehicle.load(vehicle)
     text = start_autopilot(loaded, law=law, period_s=period_s)
     checked = check_autopilot(Autopilot.from_toml(text, str(out)), vehicle=loaded)
@@ -110,7 +111,7 @@ def tune(
         results="" if tuning.interrupted else f"Results in {folder}: {files}",
         draw=partial(output.draw, tuning, folder / "figures"),
     )
-    end(interrupted=tuning.interrupted)
+    end(interrupted=tuning.interrupted)  # which leaves nothing that a page could show
     reported(output.page, [folder], quiet=output.json)
     end(held=tuning.held)
 

@@ -151,6 +151,7 @@ def verify(
     verification = verified(
         scenario, folder, compare=others_of(loaded, gains, compare), computing=computing, quiet=output.json
     )
+    # An interrupted verification leaves what a machine asked for, too.
     xml.write(verification.junit())
     files = "verification.json, summary.txt, junit.xml, worst_runs.json, missions.parquet and the inputs"
     output.show(
@@ -417,9 +418,11 @@ def verify_log(
     read |= {"the autopilot": recorded.autopilot}
     xml.check(read, None if recorded.mission is None else [recorded.mission])
     fit = fitted_source(loaded, run)
+    # A log may be a file, a folder, or "." for the one that we stand in.
     name = log.stem if log.is_file() else log.name or log.resolve().name
     folder = output.out or Path("runs") / f"{loaded.name}-log-{file_name(name)}"
     check_writable(folder, "log verdict")
+    # Of a trial of the campaign only the part that is held out can judge the model.
     verdict, judged = verify_campaign_log(
         loaded,
         loaded.vehicle if fit is None else fit,

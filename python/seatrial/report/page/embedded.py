@@ -63,6 +63,7 @@ def files_of_page(page: str | Path) -> dict[str, str]:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise SeatrialError(f"{path}: cannot be read as a page ({reason(error)})") from None
+    # Only an HTML parser knows where the element ends; the files in it are JSON.
     scripts = _Scripts()
     scripts.feed(text)
     if len(scripts.texts) != 1:
@@ -80,6 +81,7 @@ def files_of_page(page: str | Path) -> dict[str, str]:
         raise SeatrialError(
             f"{path}: expected a list of 1 to {SETTINGS.most_files} files in it, found something else"
         )
+    # File systems that fold case would write one file over another.
     files: dict[str, str] = {}
     for entry in entries:
         name, content = _checked(path, entry)

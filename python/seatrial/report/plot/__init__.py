@@ -40,8 +40,8 @@ def drawings(result: object) -> dict[str, Callable[[], Figure]]:
     for kind in type(result).__mro__:
         if kind.__name__ in DRAWN:
             module = importlib.import_module(f"{__name__}.{DRAWN[kind.__name__][0]}")
-            found: dict[str, Callable[[], Figure]] = module.drawings(result)
-            return found
+            figures: dict[str, Callable[[], Figure]] = module.drawings(result)
+            return figures
     return {}
 
 

@@ -229,6 +229,7 @@ def motor_step(estimate: MotorEstimate, record: StepRecord) -> Figure:
         held = np.append(stamps[seen], end), np.append(commands[seen], commands[seen][-1])
         above.step(*held, where="post", color=SECOND, linewidth=0.9, label="commanded")
         above.plot(times, measured, ".", color=MEASURED, markersize=1.8, label="measured")
+        # Finer than the samples: the model's steps and its dead time stay visible.
         fine = np.linspace(times[0], end, max(4 * len(times), SETTINGS.fine))
         above.plot(
             fine, estimate.model.response(record, fine), color=SIMULATED, linewidth=0.9, label="modelled"

@@ -411,6 +411,7 @@ def _flown(plan: ControlProblem, autopilot: Autopilot, times: Array, levels: Arr
     from seatrial.flight.fly import fly_batch
     from seatrial.flight.mission import Mission
 
+    # A leg so long that no flight ends it: set points take the place of guidance.
     mission = Mission.from_toml(
         f"""
         format = 1

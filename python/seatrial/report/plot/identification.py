@@ -182,6 +182,7 @@ def _ranked(axes: Axes, analysis: ResidualAnalysis) -> None:
         words = f"None of {analysis.tested} coefficients is missing, and no signal is followed"
         axes.text(0.0, 0.5, words, transform=axes.transAxes, va="center")
         return
+    # Two measures share the axis, and colours tell them apart.
     first = len(analysis.suggestions)
     colours = [SIMULATED] * first + [FAINT] * (len(entries) - first)
     places = np.arange(len(entries))

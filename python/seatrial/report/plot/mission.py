@@ -205,6 +205,7 @@ def _profile(axes: Axes, mission: Mission, path: PlannedPath, seabed: Seabed | N
     at = np.array([0.0, *(path.way_of(k) for k in range(len(columns["label"])))])
     above = np.asarray(columns["altitude_m"], dtype=float)
     axes.set_xlabel("way along the path, m")
+    # A mission that keeps its altitude over an unknown bottom has no depths.
     if seabed is None and np.isfinite(above).all():
         axes.plot(np.repeat(at, 2)[1:-1], np.repeat(above, 2), color=SIMULATED)
         band(axes, at[[0, -1]], -0.15 * above.max(), 0.0, BOTTOM, label="bottom")
@@ -216,6 +217,7 @@ def _profile(axes: Axes, mission: Mission, path: PlannedPath, seabed: Seabed | N
         axes.set_title("altitude above the bottom", loc="left", fontweight="bold")
         axes.set_xlim(0.0, at[-1])
         return
+    # Else depth: the path, the bottom below it, and where only the altitude is known.
     depth = path.points[:, 2]
     axes.plot(along, depth, color=SIMULATED)
     size = mark_size(len(at))

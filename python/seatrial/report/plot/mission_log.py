@@ -104,6 +104,7 @@ def residual_page(verdict: LogVerdict) -> Figure:
     names = list(judged.channels)
     rows = (len(names) + 1) // 2
     log = judged.log
+    # Each window ends with a blank, so that lines break where the model restarts.
     t = np.concatenate([np.append(log.times(w), log.times(w)[-1]) for w in range(len(log.spans))])
     with house_style():
         figure = new_figure(0.85 + 1.0 * rows)
@@ -119,6 +120,7 @@ def residual_page(verdict: LogVerdict) -> Figure:
             error, half = scale * error, scale * half
             _shade(axes, t, -half, half, "95 % band of the model")
             line(axes, t, error, color=MEASURED, linewidth=0.6, label="measured less predicted")
+            # Gaps between windows are not numbers, and no sample of them is outside.
             with np.errstate(invalid="ignore"):
                 _dots(axes, t, error, np.abs(error) > half)
             axes.set_ylabel(f"{name}, {unit}", color=RESIDUAL if channel.fails else INK)

@@ -135,12 +135,22 @@ def _limit(value: float | None) -> float:
     return math.inf if value is None else float(value)
 
 
-_HEIGHT_IN, _TOP_IN, _BOTTOM_IN, _GAP_IN = 4.9, 0.62, 0.5, 0.36  # layout, inches
+@dataclass(frozen=True)
+class PerformanceFigureSettings:
+    """Layout of speed and turning, inches, and where turns are drawn."""
 
-_LEFT_IN, _WIDE_IN, _AXIS_IN, _LEGEND_IN = 0.55, 2.55, 0.5, 0.9  # _AXIS_IN: room for an axis at the right
+    height: float = 4.9
+    top: float = 0.62
+    bottom: float = 0.5
+    gap: float = 0.36  #: Between two panels above each other.
+    left: float = 0.55
+    wide: float = 2.55  #: Of the panels over the command.
+    axis: float = 0.5  #: For an axis at the right of a panel.
+    legend: float = 0.9  #: Below the turning circles.
+    turn_share: float = 0.5  #: Of the largest command, at which turns are drawn.
 
-_TURN_SHARE = 0.5
-"""Of the largest command, at which turns are drawn."""
+
+SETTINGS = PerformanceFigureSettings()
 
 _ABOVE: Style = {**ABOVE, "ncols": 2, "borderaxespad": 0.0, "fontsize": 6.5}
 
@@ -165,40 +175,42 @@ def performance(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> Figure | N
     rows = speeds(vehicle, voltage_v=voltage_v, shares=_shares(vehicle))
     if not rows:
         return None
+    # Round speeds lie on the curves as dots, and so do their commands among those of the curves.
     marks = [
         cruise(vehicle, speed * KNOT_M_S, voltage_v=voltage_v) for speed in round_speeds_kn(rows[-1].speed_kn)
     ]
     held = [row for row in marks if row is not None]
     rows = tuple(sorted((*rows, *held), key=lambda row: row.command))
-    turning = turns(vehicle, voltage_v=voltage_v, shares=(_TURN_SHARE,))
+    turning = turns(vehicle, voltage_v=voltage_v, shares=(SETTINGS.turn_share,))
     curves = [_speed, _thrust if rows[-1].power_w is None else _power]
     if rows[-1].endurance_h is not None:
         curves.append(_range)
+    page = SETTINGS
     with house_style():
-        wide = WIDTH_IN if turning else _LEFT_IN + _WIDE_IN + _AXIS_IN
-        figure = new_figure(_HEIGHT_IN, width_in=wide, constrained=False)
+        wide = WIDTH_IN if turning else page.left + page.wide + page.axis
+        figure = new_figure(page.height, width_in=wide, constrained=False)
 
         def panel(left: float, bottom: float, width: float, height: float) -> Axes:
-            box = (left / wide, bottom / _HEIGHT_IN, width / wide, height / _HEIGHT_IN)
+            box = (left / wide, bottom / page.height, width / wide, height / page.height)
             return figure.add_axes(box)
 
-        each = (_HEIGHT_IN - _TOP_IN - _BOTTOM_IN + _GAP_IN) / len(curves)
+        each = (page.height - page.top - page.bottom + page.gap) / len(curves)
         for k, draw in enumerate(curves):
-            bottom = _BOTTOM_IN + (len(curves) - 1 - k) * each
-            axes = panel(_LEFT_IN, bottom, _WIDE_IN, each - _GAP_IN)
+            bottom = page.bottom + (len(curves) - 1 - k) * each
+            axes = panel(page.left, bottom, page.wide, each - page.gap)
             draw(axes, rows, held, vehicle)
             axes.margins(x=0.02)
             if k < len(curves) - 1:
                 axes.tick_params(labelbottom=False)
         axes.set_xlabel(_command_label(vehicle, rows[0].unit))
         if turning:
-            left = _LEFT_IN + _WIDE_IN + _AXIS_IN + _LEFT_IN
-            below = _BOTTOM_IN + _LEGEND_IN
-            axes = panel(left, below, wide - left - 0.1, _HEIGHT_IN - _TOP_IN - below)
+            left = page.left + page.wide + page.axis + page.left
+            below = page.bottom + page.legend
+            axes = panel(left, below, wide - left - 0.1, page.height - page.top - below)
             _circles(axes, vehicle, turning, voltage_v)
             axes.legend(
                 loc="lower center",
-                bbox_to_anchor=((left - 0.3) / wide, 0.06 / _HEIGHT_IN, (wide - left + 0.3) / wide, 0.1),
+                bbox_to_anchor=((left - 0.3) / wide, 0.06 / page.height, (wide - left + 0.3) / wide, 0.1),
                 bbox_transform=figure.transFigure,
                 borderaxespad=0.0,
                 title="inner side from the dot on: steady radius and rate",
@@ -337,7 +349,7 @@ def _circles(axes: Axes, vehicle: Vehicle, turning: tuple[Turn, ...], voltage_v:
     axes.set_ylabel("advance, m")
     facts = vehicle.actuator_info()
     first, sense = next(iter(drivers(vehicle).items()))
-    outer = _TURN_SHARE * largest(facts[first], sense)
+    outer = SETTINGS.turn_share * largest(facts[first], sense)
     panel_title(axes, "turning circles", f"outer side at {outer:.4g} {facts[first]['unit']}")
 
 
@@ -359,6 +371,7 @@ def characteristic(
     with house_style():
         figure = new_figure(0.3 + 2.5 * rows, width_in=COLUMN_IN if columns == 1 else WIDTH_IN)
         drawn = {}
+        # One look per label through all panels, so that one legend serves them.
         for axes, panel in zip(grid_of(figure, len(panels), columns).flat, panels, strict=False):
             facts = vehicle.actuator_info()[panel.name]
             fin, neutral = facts["kind"] == "fin", float(facts["neutral"])

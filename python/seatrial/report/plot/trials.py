@@ -83,7 +83,7 @@ def measured_against_simulated(
         for channel, (upper, lower) in zip(channels, panels, strict=True):
             _channel(upper, lower, trial, windows, channel)
             panel_title(upper, NAMES[channel], (titles or {}).get(channel, ""))
-            for axes in (upper, lower):
+            for axes in (upper, lower):  # what judges the result is the same time in both
                 _shade(axes, trial.t, held_out)
         handles: list[Artist] = [
             stroke("measured", **_MEASURED),

@@ -223,6 +223,7 @@ def three_views(vehicle: Vehicle) -> Figure:
             thrust(axes, view, places, directions, layout.arrow, inch)
             page, arrows = view.page(places), view.page(directions)
             label_rows(axes, view, names, page, arrows, layout.window(view, SETTINGS.labels / inch), inch)
+        # The legend stands below the front where that leaves room, else in a row at the foot.
         front = boxes[2]
         corner = (front[0] / WIDTH_IN, (front[1] - SETTINGS.bottom) / total)
         steered = any(facts["kind"] == "fin" for facts in vehicle.actuator_info().values())

@@ -243,6 +243,7 @@ def worst_missions(flights: Sequence[WorstFlight], *, heading: str = "") -> Figu
         _obstacles(plan.axes, obstacles)
         waypoints(plan, path, acceptance, tracks[0])
         profile = profile_axes(figure, page)
+        # The worst flight lies on top and is drawn strongest.
         for number, (worst, track) in enumerate(zip(flights, tracks, strict=True)):
             colour = CYCLE[number % len(CYCLE)]
             style = Style(color=colour, linewidth=1.2 if number == 0 else 0.9, zorder=4.0 - 0.1 * number)
