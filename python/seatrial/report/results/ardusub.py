@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
 
 from seatrial.ardusub.axes import SOUGHT, AxisVerdict
@@ -11,9 +12,16 @@ from seatrial.ardusub.reflight import ACCEPTED_OUTSIDE
 from seatrial.ardusub.tuning import Spread
 from seatrial.base.report import Column, Report, Section, Table, listed
 
-_STEEP = 2.0  # times the recorded value, beyond which a change is made in two steps
 
-_WIDE = 3.0  # half-width over the rms of the log beyond which an envelope tells little
+@dataclass(frozen=True)
+class LogWordsSettings:
+    """What of a tuning from a log is worth a sentence."""
+
+    steep: float = 2.0  #: A change beyond so many times the recorded value is made in two steps.
+    wide: float = 3.0  #: An envelope tells little beyond this half-width, over the rms of the log.
+
+
+SETTINGS = LogWordsSettings()
 
 
 def report(tuning: LogTuning) -> Report:
@@ -113,7 +121,9 @@ def _worst(tuning: LogTuning) -> str:
             f" the log does not tell these loops ({stays[0].loop}: {stays[0].why})"
         )
     if steep := [
-        change for change in tuning.changes if change.before > 0.0 and change.after > _STEEP * change.before
+        change
+        for change in tuning.changes
+        if change.before > 0.0 and change.after > SETTINGS.steep * change.before
     ]:
         named = listed([f"{change.name} to {change.after / change.before:.1f} times" for change in steep])
         words.insert(0, f"a large change rests on one log: {named} the recorded value; load half of it first")
@@ -235,7 +245,7 @@ def _behind(tuning: LogTuning) -> tuple[str, ...]:
         " before and after the changes alike.",
     ]
     for share in tuning.reflight.shares:
-        if share.width > _WIDE * share.rms:
+        if share.width > SETTINGS.wide * share.rms:
             statements.append(
                 f"The envelope of {share.channel} is {share.width / share.rms:.0f} times as wide as the log's"
                 " rms: staying inside it proves little."

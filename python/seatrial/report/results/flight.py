@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -37,11 +37,17 @@ from seatrial.report.results.flight_tables import (
 )
 from seatrial.vehicle.actuators import beyond_tables
 
-_LEAST_S = 20.0  # of a flight from which starts per minute can be told
 
-_SATURATED = 0.05  # share of the time: less is not worth a sentence
+@dataclass(frozen=True)
+class FlightWordsSettings:
+    """What of a flight is worth a sentence."""
 
-_OFF_M = 0.05  # of the perceived position: less is rounding
+    least_s: float = 20.0  #: Starts per minute are known of a flight that lasts so long, s.
+    saturated: float = 0.05  #: A loop that is saturated for less of its time is not named.
+    off_m: float = 0.05  #: A smaller error of the perceived position is rounding, m.
+
+
+SETTINGS = FlightWordsSettings()
 
 
 def sentences(flight: Flight) -> list[str]:
@@ -261,13 +267,13 @@ def _unmet(flight: Flight) -> list[str]:
         " time, though they were not at their limits: they produce it only together with another motion, or"
         " rest below their start."
         for loop in flight.loops.values()
-        if loop.unmet - loop.saturated > _SATURATED
+        if loop.unmet - loop.saturated > SETTINGS.saturated
     ]
 
 
 def _actuators(flight: Flight) -> list[str]:
     busiest = max(flight.actuator_use.values(), key=lambda use: use.switches_per_minute, default=None)
-    if busiest is None or float(flight.t[-1]) < _LEAST_S:
+    if busiest is None or float(flight.t[-1]) < SETTINGS.least_s:
         return []
     if busiest.switches_per_minute == 0.0:
         return []
@@ -282,7 +288,7 @@ def _sensors(flight: Flight) -> list[str]:
     off = np.hypot(np.hypot(*(told - flight.position).T[:2]), told[:, 2] - flight.position[:, 2])
     off = off[np.isfinite(off)]
     found = []
-    if len(off) and np.max(off) > _OFF_M:
+    if len(off) and np.max(off) > SETTINGS.off_m:
         found.append(
             f"The position that the autopilot was told was up to {np.max(off):.1f} m from the true one;"
             " errors of guidance are those that it perceived."

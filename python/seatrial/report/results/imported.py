@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import singledispatch
 
 from seatrial.base.channels import CHANNELS
@@ -16,11 +16,17 @@ from seatrial.intake.imported import Imported, ImportedTrial
 from seatrial.intake.survey import Survey, chosen
 from seatrial.intake.vehicle_draft import opposed
 
-_SHOWN = 10  # problems; the others are details
 
-_NAMED = 4  # fields of a log that are not used
+@dataclass(frozen=True)
+class ImportWordsSettings:
+    """How much of an import is listed, and what is too short."""
 
-_SHORTEST_S = 10.0  # a segment of a stage, unless the campaign says otherwise
+    shown: int = 10  #: Problems; the others are details.
+    named: int = 4  #: Fields of a log that are not used.
+    shortest_s: float = 10.0  #: Of a segment of a stage, unless the campaign says otherwise, s.
+
+
+SETTINGS = ImportWordsSettings()
 
 
 @singledispatch
@@ -53,7 +59,7 @@ def _imported(made: Imported) -> Report:
         worst=problems[0] if problems else "nothing was found wrong",
         next_step=_next(made),
         sections=(
-            Section("Look at this", tuple(problems[1:_SHOWN])),
+            Section("Look at this", tuple(problems[1 : SETTINGS.shown])),
             Section("Columns", tables=(_columns(made),)),
             Section("Trials", tuple(_done(made)), (_trials(made), _modes(made))),
             Section(
@@ -61,7 +67,7 @@ def _imported(made: Imported) -> Report:
                 tuple(imported.text for imported in proposed),
             ),
             Section("Missing, and what that costs", tuple(_missing(made))),
-            Section("Look at this, too", tuple(problems[_SHOWN:]), details=True),
+            Section("Look at this, too", tuple(problems[SETTINGS.shown :]), details=True),
             Section("Every field", tables=(_fields(made.survey),), details=True),
             *(
                 Section(
@@ -121,10 +127,10 @@ def _problems(made: Imported) -> Iterator[str]:
     longest = max(
         (float(imported.trial.t[-1] - imported.trial.t[0]) for imported in made.trials), default=0.0
     )
-    if longest < _SHORTEST_S:
+    if longest < SETTINGS.shortest_s:
         yield (
             f"the longest trial lasts {longest:.3g} s: too short to identify anything; log at least"
-            f" {_SHORTEST_S:g} s of a manoeuvre, and as much again to judge the result"
+            f" {SETTINGS.shortest_s:g} s of a manoeuvre, and as much again to judge the result"
         )
     if not any(imported.trial.inputs for imported in made.trials):
         yield "no commands of actuators and no wrench are in the logs: nothing can be identified"
@@ -190,9 +196,10 @@ def _unused(made: Imported, imported: ImportedTrial) -> Iterator[str]:
         }
         named = [f"{source} ({canonical})" for canonical, source in others.items() if source]
         if named:
-            more = f" and {len(named) - _NAMED} more" if len(named) > _NAMED else ""
+            more = f" and {len(named) - SETTINGS.named} more" if len(named) > SETTINGS.named else ""
+            unused = f"{', '.join(named[: SETTINGS.named])}{more}"
             yield (
-                f"{printable(log.path.name)} has {', '.join(named[:_NAMED])}{more}, not used: one map reads"
+                f"{printable(log.path.name)} has {unused}, not used: one map reads"
                 " all logs, and it takes other fields; import this log separately"
             )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 from seatrial.base.channels import DEGREE
 from seatrial.base.report import Report, Section, Table
@@ -17,11 +18,17 @@ _AT = {
 
 _HEAD = ("thrust", "run", "area, m", "to depth, m", "score", "determines best")
 
-_OTHERS = 6  # rows of a table beside the plan's own
 
-_WORTH = 0.99  # of the score without a trial: less of a gain is none
+@dataclass(frozen=True)
+class PlanWordsSettings:
+    """How much of a plan is listed, and which gain counts."""
 
-_MOST_REFUSED = 4  # names that a sentence lists
+    others: int = 6  #: Rows of a table beside the plan's own.
+    worth: float = 0.99  #: Share of the score without a trial; what leaves more gains nothing.
+    most_refused: int = 4  #: Names that a sentence lists.
+
+
+SETTINGS = PlanWordsSettings()
 
 
 def report(plan: Plan) -> Report:
@@ -109,11 +116,11 @@ def _others(plan: Plan) -> Table:
     """The best manoeuvres instead of the first one, those that leave less than what is known already."""
     others, seen = [], {plan.sequence[0].manoeuvre.name}
     for ranked in plan.ranking:
-        if ranked.manoeuvre.name not in seen and ranked.score < _WORTH * plan.score_before:
+        if ranked.manoeuvre.name not in seen and ranked.score < SETTINGS.worth * plan.score_before:
             seen.add(ranked.manoeuvre.name)
             others.append(_cells(ranked, names=2))
     title = f"The best of {len(others)} others"
-    return Table.of(title, ["instead of trial 1", *_HEAD], others[:_OTHERS])
+    return Table.of(title, ["instead of trial 1", *_HEAD], others[: SETTINGS.others])
 
 
 def _rest(plan: Plan) -> Iterator[str]:
@@ -125,8 +132,12 @@ def _rest(plan: Plan) -> Iterator[str]:
         )
     refused = list(plan.refused.items())
     if refused:
-        words = "; ".join(f"{name}: {reason}" for name, reason in refused[:_MOST_REFUSED])
-        more = f"; and {len(refused) - _MOST_REFUSED} more" if len(refused) > _MOST_REFUSED else ""
+        words = "; ".join(f"{name}: {reason}" for name, reason in refused[: SETTINGS.most_refused])
+        more = (
+            f"; and {len(refused) - SETTINGS.most_refused} more"
+            if len(refused) > SETTINGS.most_refused
+            else ""
+        )
         yield f"Left out, even at its smallest: {words}{more}"
     groups: dict[str, list[str]] = {}
     for channel, noise in plan.instruments.noise.items():

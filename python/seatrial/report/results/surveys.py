@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import singledispatch
 
 from seatrial.base.finding import Finding
@@ -18,9 +19,17 @@ from seatrial.verification.boundary import FailureBoundary, RequirementBoundary
 from seatrial.verification.falsify import Falsification, FalsifiedRequirement
 from seatrial.verification.rare import RARE_SETTINGS, RareFailures, RareRequirement
 
-_SHOWN, _SHIFTED = 5, 0.8
-"""How many common causes of failures are printed, and from which shift on, in standard deviations."""
-_NAMED = 6  # values of the middle that are named
+
+@dataclass(frozen=True)
+class SurveyWordsSettings:
+    """How much of a survey is listed."""
+
+    shown: int = 5  #: Common causes of failures.
+    shifted: float = 0.8  #: A cause counts from this shift on, standard deviations.
+    named: int = 6  #: Values of the middle.
+
+
+SETTINGS = SurveyWordsSettings()
 
 
 @singledispatch
@@ -174,8 +183,8 @@ def _drawn(entry: RareRequirement) -> list[str]:
     lines = [
         f"{name}: mean {mean:.3g} in failures, {usual:.3g} in all draws ({shift:+.1f} sd);"
         f" {entry.likeliest[name]:.3g} in the likeliest failure"
-        for name, (mean, usual, shift) in list(entry.common.items())[:_SHOWN]
-        if abs(shift) >= _SHIFTED
+        for name, (mean, usual, shift) in list(entry.common.items())[: SETTINGS.shown]
+        if abs(shift) >= SETTINGS.shifted
     ]
     return [
         *(lines or ["nothing that is drawn stands out: noise, gusts or many small things"]),
@@ -237,7 +246,7 @@ def disturbance(entry: FalsifiedRequirement) -> list[str]:
     ]
     if lines:
         return lines
-    middle = [f"{name} {value:.3g}" for name, value in entry.middle.items()][:_NAMED]
+    middle = [f"{name} {value:.3g}" for name, value in entry.middle.items()][: SETTINGS.named]
     return [f"the middle of all ranges fails already{': ' if middle else ''}{', '.join(middle)}"]
 
 
