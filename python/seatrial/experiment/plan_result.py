@@ -201,8 +201,8 @@ class Plan(RunResult, Plain, without="facts model", also="score_after"):
         return paths
 
     def sheet(self, ranked: Ranked, commands: str, trial: int) -> str:
-        """TOML text for the operator of a trial of the sequence or ranking: manoeuvre, times, room, warnings,
-        deviations.
+        """TOML text for the operator of `ranked`, a trial of the sequence or ranking: manoeuvre, times, room,
+        warnings, deviations.
 
         `commands` is the name of its command file, `trial` its number in the sequence, from 1.
         """
