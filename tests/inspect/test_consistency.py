@@ -12,7 +12,7 @@ from seatrial.base.channels import DEGREE
 from seatrial.base.errors import TrialError
 from seatrial.base.frames import from_euler, matrix
 from seatrial.inspect.consistency import consistency
-from seatrial.inspect.consistency_result import Consistency, Correction
+from seatrial.inspect.corrections import Consistency, Correction
 from seatrial.trial.signals import Series
 from tests.inspect.logs import Errors, log
 

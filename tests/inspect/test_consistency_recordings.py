@@ -15,7 +15,7 @@ import pytest
 from seatrial.base.arrays import Array
 from seatrial.base.frames import to_euler
 from seatrial.inspect.consistency import consistency
-from seatrial.inspect.consistency_result import Consistency, Correction
+from seatrial.inspect.corrections import Consistency, Correction
 from seatrial.trial.signals import Series
 
 DATA = Path(os.environ.get("SEATRIAL_DATA", "/nonexistent"))

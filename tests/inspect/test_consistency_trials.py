@@ -12,10 +12,10 @@ import pytest
 import seatrial
 from seatrial.base.arrays import Array
 from seatrial.base.channels import DEGREE
+from seatrial.base.finding import Finding, Severity
 from seatrial.base.frames import from_euler, matrix, product
 from seatrial.campaign.campaign import Campaign
 from seatrial.check.campaign import check_campaign
-from seatrial.inspect.consistency_result import Consistency, Correction
 from seatrial.inspect.consistency_trials import (
     LateVelocity,
     consistency_of_recording,
@@ -23,6 +23,7 @@ from seatrial.inspect.consistency_trials import (
     mean,
     proposals,
 )
+from seatrial.inspect.corrections import Consistency, Correction
 from seatrial.report.results.trial_findings import problem, remedy
 from seatrial.sensors.log import held, measure, times
 from seatrial.sensors.sensor import parse_sensors
@@ -169,10 +170,8 @@ def test_identify_heads_its_lines_with_a_late_velocity() -> None:
 
 def bias(value: float, sd: float) -> Consistency:
     """A trial that proposes a bias of the yaw rate alone."""
-    sentence = f"r is off by {value:+.3g} deg/s"
-    found = Correction(
-        "corrections", "bias.r_deg_s", value, sd, "deg/s", 0.04, 0.03, "rates, rad/s", sentence
-    )
+    finding = Finding("bias", Severity.WEAKNESS, "r", {"value": value, "sd": sd, "unit": "deg/s"})
+    found = Correction("corrections", "bias.r_deg_s", value, sd, "deg/s", 0.04, 0.03, "rates, rad/s", finding)
     return Consistency((found,), ())
 
 

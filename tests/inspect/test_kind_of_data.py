@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 import seatrial as st
+from seatrial.base.finding import Finding, Severity
 from seatrial.check.campaign import check_campaign
-from seatrial.inspect.consistency_result import UNTOLD, Consistency
+from seatrial.inspect.corrections import NO_MOTION, Consistency
 from seatrial.inspect.kind_of_data import kind_of_data
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -100,5 +101,6 @@ def test_a_trial_without_motion_is_told_and_compares_nothing() -> None:
         st.Trial.read({"t_s": t, "u_m_s": 1e-3 * noise[0], "r_deg_s": 0.01 * noise[1]}, align=False)
     )
     assert kind.still
-    found = Consistency((), ("no depth",)).without_motion()
-    assert found.missing == (UNTOLD, "no depth")
+    found = Consistency((), (Finding("not recorded", Severity.NOTE, "depth"),)).without_motion()
+    assert found.untold[0] == NO_MOTION
+    assert found.missing[1].startswith("no depth: ")

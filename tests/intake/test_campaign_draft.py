@@ -10,8 +10,9 @@ import pytest
 import tomlkit
 
 import seatrial as st
+from seatrial.base.finding import Finding, Severity
 from seatrial.campaign.file import parse
-from seatrial.inspect.consistency_result import Correction, SlowCurrent
+from seatrial.inspect.corrections import Correction, SlowCurrent
 from seatrial.intake.campaign_draft import DraftedTrial, campaign_text
 from seatrial.problem.parameter import parameters
 from tests.trial import motion
@@ -31,8 +32,10 @@ def drafted(
 
 
 def late(seconds: float) -> Correction:
-    key, sentence = "delay_s.velocity", f"the velocity is {seconds} s late"
-    return Correction("corrections", key, seconds, 0.01, "s", 0.05, 0.02, "rates, m/s", sentence)
+    finding = Finding("late sensor", Severity.WEAKNESS, "velocity", {"delay_s": seconds, "sd_s": 0.01})
+    return Correction(
+        "corrections", "delay_s.velocity", seconds, 0.01, "s", 0.05, 0.02, "rates, m/s", finding
+    )
 
 
 def accepted(text: str, start: str) -> str:

@@ -11,8 +11,9 @@ import polars as pl
 import pytest
 
 import seatrial as st
+from seatrial.base.finding import Finding, Severity
 from seatrial.base.frames import LocalFrame
-from seatrial.inspect.consistency_result import Correction
+from seatrial.inspect.corrections import Correction
 from seatrial.intake.map_file import MapClock, MapFile, MapTrial, load_map, parse_map
 from tests.docs.pages import ROOT
 
@@ -172,7 +173,10 @@ def test_keys_of_the_map_are_those_of_its_page() -> None:
 
 
 def test_proposed_clock_is_a_line_that_the_map_takes() -> None:
-    found = Correction("clocks", "dvl.csv.offset_s", 0.37, 0.01, "s", 0.02, 0.01, "the rate of depth", "late")
+    finding = Finding("clock offset", Severity.WEAKNESS, "dvl.csv")
+    found = Correction(
+        "clocks", "dvl.csv.offset_s", 0.37, 0.01, "s", 0.02, 0.01, "the rate of depth", finding
+    )
     text = f'format = 1\ncolumns = {{ yaw_deg = "a.b" }}\n[clocks]\n{found.line}\n'
     assert parse_map(text, "map.toml").clocks["dvl.csv"].offset_s == 0.37
 

@@ -11,7 +11,7 @@ import pytest
 from seatrial.base.arrays import Array
 from seatrial.base.frames import attitude_to_ned, conjugate, from_euler, product, to_euler
 from seatrial.inspect.consistency import consistency, convention_of
-from seatrial.inspect.consistency_result import Consistency
+from seatrial.inspect.corrections import Consistency
 from seatrial.intake.import_logs import import_logs
 from seatrial.trial.signals import Series
 from seatrial.trial.trial import Trial

@@ -12,7 +12,7 @@ from seatrial.base.channels import DEGREE
 from seatrial.base.frames import from_euler, matrix, to_euler
 from seatrial.base.frames import product as turned
 from seatrial.inspect.consistency import consistency
-from seatrial.inspect.consistency_result import Consistency
+from seatrial.inspect.corrections import Consistency
 from seatrial.trial.kinematic_axes import at_end, implausible_side, pressure_of
 from seatrial.trial.signals import Series
 from seatrial.trial.trial import Trial

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from seatrial.base.errors import SeatrialError
 from seatrial.base.plain import Plain
-from seatrial.base.report import Reported
-from seatrial.inspect.consistency_result import UNTOLD
+from seatrial.base.report import Reported, sentence_of
 from seatrial.inspect.consistency_trials import Proposal, consistency_of_recording, proposals
+from seatrial.inspect.corrections import NO_MOTION
 from seatrial.inspect.kind_of_data import KindOfData, kind_of_data
 from seatrial.intake.imported import clocks_proposed
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
     from seatrial.estimation.inputs import InputJudgement
     from seatrial.estimation.scale import ScaleReport
-    from seatrial.inspect.consistency_result import Consistency
+    from seatrial.inspect.corrections import Consistency
     from seatrial.trial.signals import RecordingReport
 
 
@@ -147,7 +147,8 @@ def _data(campaign: Campaign, kinds: Mapping[str, KindOfData]) -> tuple[str, ...
                     f"stage {stage.name}: {most.channel} hardly moves in {', '.join(stage.trials)}"
                     f" ({most.over_noise:.1f} times its noise): record a manoeuvre, or leave axis {axis} out"
                 )
-    lines += [f"trial {name}: {UNTOLD}" for name, kind in kinds.items() if kind.still]
+    still = sentence_of(NO_MOTION, "consistency")
+    lines += [f"trial {name}: {still}" for name, kind in kinds.items() if kind.still]
     lines += [f"trial {name}: {kind.done}" for name, kind in kinds.items()]
     split = [name for name in kinds if not campaign.source_of(name).hold_out_s and name in fitted]
     return (*lines, *(f"trial {name}: {kinds[name].windows.sentence}" for name in split))

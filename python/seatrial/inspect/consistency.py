@@ -17,15 +17,17 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import DEGREE
+from seatrial.base.finding import Finding, Severity
 from seatrial.base.frames import from_euler, matrix, to_euler
 from seatrial.inspect.consistency_current import slow_current
-from seatrial.inspect.consistency_result import Consistency, Correction, SlowCurrent
 from seatrial.inspect.consistency_sensors import Found, force_found, rates_found, scaled, velocity_found
-from seatrial.inspect.consistency_wording import (
+from seatrial.inspect.corrections import (
+    Consistency,
+    Correction,
+    SlowCurrent,
+    beside,
     contradiction_of,
     corrections_of,
-    list_sentence,
-    offset_sentence,
 )
 from seatrial.trial.attitude import AttitudeConvention, as_convention, attitude_convention, certain_tilt
 from seatrial.trial.defects import stuck
@@ -76,21 +78,20 @@ def consistency(series: Mapping[str, Series], *, quaternion: bool = True) -> Con
     """
     given = checked(series)
     known = {name: samples for name, samples in given.items() if len(samples.t) >= SETTINGS.fewest_samples}
-    sentences = list(missing(given))
+    untold = missing(given)
     if few := [name for name in given if name not in known and not name.startswith(INPUTS)]:
-        sentences.insert(
-            0,
-            f"fewer than {SETTINGS.fewest_samples} samples of {', '.join(few)}: not compared with other"
-            " channels",
-        )
-    contradictions = _stuck(known)
+        fewest = {"fewest": SETTINGS.fewest_samples}
+        untold.insert(0, Finding("few samples", Severity.NOTE, ", ".join(few), fewest))
+    contradicted = _stuck(known)
     if not {"pitch", "yaw"} & set(known):
-        return Consistency((), tuple(sentences), contradictions=tuple(contradictions))
+        return Consistency((), tuple(untold), contradicted=tuple(contradicted))
     corrections = _angles(known)
     channels = _curves(known)
+    # The attitude is the reference of all that follows: its convention comes first.
     convention = attitude_convention(channels, quaternion=quaternion)
     if convention is not None:
-        contradictions.append(convention.sentence)
+        values = {"sentence": convention.sentence}
+        contradicted.append(Finding("attitude convention", Severity.PROBLEM, "attitude", values))
         if not convention.either:  # the others are compared with what the attitude is then
             _turn(channels, convention)
     undecided = convention is not None and convention.either
@@ -99,36 +100,35 @@ def consistency(series: Mapping[str, Series], *, quaternion: bool = True) -> Con
     for sensor in (*(sensor for sensor in sensors if sensor is not None), force_found(channels)):
         if sensor is None:
             continue
-        if sensor.fit is None and (wrong := contradiction_of(sensor)) is not None:
-            contradictions.append(wrong)
-        elif sensor.fit is None:
-            sentences.append(sensor.why or f"{sensor.of}: too little in common for a comparison")
+        wrong = contradiction_of(sensor)
         if sensor.fit is None:
+            if wrong is None:
+                untold.append(sensor.why or Finding("too little in common", Severity.NOTE, sensor.of))
+            else:
+                contradicted.append(wrong)
             continue
         made = corrections_of(sensor, channels, _turned_sensor(channels, sensor))
         if sensor.group == "specific force":  # no trial reads it: nothing to paste
-            sentences += [f"specific force: {correction.sentence}" for correction in made]
+            untold += [Finding("specific force", Severity.NOTE, cause=one.finding) for one in made]
         else:
             present = {correction.key for correction in corrections}
             corrections += [correction for correction in made if correction.key not in present]
-        if (wrong := contradiction_of(sensor)) is not None:
-            contradictions.append(wrong)
-        extra = (list_sentence(sensor.fit), offset_sentence(sensor, channels))
-        sentences += [sentence for sentence in extra if sentence is not None]
+        contradicted += [] if wrong is None else [wrong]
+        untold += beside(sensor, channels)
         if sensor.group == "velocity":
             _apply(channels, sensor)
         compared.append((sensor.of, sensor.sizes[0], sensor.fit.after))
     corrections += _frame(channels)
     current = slow_current(channels)
-    if isinstance(current, str):
-        sentences.append(current)
+    if isinstance(current, Finding):
+        untold.append(current)
     order = sorted(corrections, key=lambda correction: -(correction.before / max(correction.after, 1e-12)))
     return Consistency(
         tuple(order),
-        tuple(sentences),
+        tuple(untold),
         current if isinstance(current, SlowCurrent) else None,
         tuple(compared),
-        tuple(contradictions),
+        tuple(contradicted),
     )
 
 
@@ -157,16 +157,12 @@ def _turn(channels: Channels, convention: AttitudeConvention) -> None:
         channels.curves[name] = Curve(Series(old.t, angles[:, k], old.clock), angle=name != "pitch")
 
 
-def _stuck(known: dict[str, Series]) -> list[str]:
-    """Leave out angles that never change while another one does, in place; a sentence that says so."""
+def _stuck(known: dict[str, Series]) -> list[Finding]:
+    """Leave out angles that never change while another one does, in place; which ones."""
     still = stuck({name: known[name].value for name in ("roll", "pitch", "yaw") if name in known})
     for name in still:
         del known[name]
-    return [
-        f"{name} stays at {value:.4g} rad while another angle changes, so it is not compared with other"
-        " channels: is the sensor stuck? Map the right column, or leave this one out"
-        for name, value in still.items()
-    ]
+    return [Finding("angle stuck", Severity.PROBLEM, name, {"rad": value}) for name, value in still.items()]
 
 
 def _angles(known: dict[str, Series]) -> list[Correction]:
@@ -185,12 +181,9 @@ def _angles(known: dict[str, Series]) -> list[Correction]:
     for name in most:
         known[name] = Series(known[name].t, known[name].value * DEGREE, known[name].clock)
     largest = max(most.values())
-    return [
-        Correction(
-            "corrections", "scale.attitude", round(DEGREE, 8), 0.0, "", largest, largest * DEGREE,
-            "largest angle, rad", f"the attitude is in degrees: its largest angle would be {largest:.3g} rad",
-        )
-    ]  # fmt: skip
+    finding = Finding("attitude in degrees", Severity.WEAKNESS, "attitude", {"largest_rad": largest})
+    sizes = (largest, largest * DEGREE, "largest angle, rad")
+    return [Correction("corrections", "scale.attitude", round(DEGREE, 8), 0.0, "", *sizes, finding)]
 
 
 def _turned_sensor(channels: Channels, velocity: Found) -> bool:
@@ -232,14 +225,10 @@ def _frame(channels: Channels) -> list[Correction]:
     north, east = tilted.direction
     sd = tilted.deviation / DEGREE
     value = [round(float(np.arcsin(x)) / DEGREE, 3) for x in (north, east)]
-    return [
-        Correction(
-            "corrections", "tilt_deg.frame", value, [sd, sd], "deg",
-            _upright(q, np.zeros(2)), _upright(q, tilted.direction), "upright of the body and gravity, rad",
-            f"the earth frame of the pose is tilted by {tilted.angle / DEGREE:.1f} deg (+/- {sd:.1f} deg)"
-            " against gravity, as the attitude at different headings shows",
-        )
-    ]  # fmt: skip
+    values = {"tilt_deg": tilted.angle / DEGREE, "sd_deg": sd}
+    finding = Finding("frame tilted", Severity.WEAKNESS, "pose", values)
+    sizes = (_upright(q, np.zeros(2)), _upright(q, tilted.direction), "upright of the body and gravity, rad")
+    return [Correction("corrections", "tilt_deg.frame", value, [sd, sd], "deg", *sizes, finding)]
 
 
 def _upright(q: Array, direction: Array) -> float:
@@ -251,47 +240,26 @@ def _upright(q: Array, direction: Array) -> float:
     return robust_rms((goal - design @ trim).reshape(-1, 2))
 
 
-def missing(series: Mapping[str, Series]) -> tuple[str, ...]:
-    """Sentences on channels that are not recorded.
+def missing(series: Mapping[str, Series]) -> list[Finding]:
+    """Channels that are not recorded.
 
     Examples
     --------
-    >>> missing({})[0].partition(":")[0]
-    'no attitude'
+    >>> missing({})[0].subject
+    'attitude'
     """
-    sentences = []
-    attitude = [name for name in ("roll", "pitch", "yaw") if name in series]
-    if not attitude:
-        sentences.append(
-            "no attitude: no channel can be compared with another one, and no restoring moment is seen"
-        )
-    elif "roll" not in series:
-        sentences.append(
-            "no roll: it is taken as zero, so that sway leaks into the depth rate, roll coefficients (K_*)"
-            " cannot be identified, and a list of the vehicle looks like a tilt of its sensors"
-        )
-    if attitude and "pitch" not in series:
-        sentences.append("no pitch: the depth rate cannot be compared with the velocity")
-    if attitude and "yaw" not in series:
-        sentences.append("no yaw: neither course nor current can be told")
-    rates = [name for name in ("p", "q", "r") if name not in series]
-    if rates:
-        sentences.append(
-            f"no {' '.join(rates)}: rates are derived from the attitude, which limits them to the attitude's"
-            " rate and noise; signs and delay of a gyro cannot be checked"
-        )
-    if not {"x", "y"} <= set(series):
-        sentences.append(
-            "no position: the heading of the compass and the horizontal scale of the velocity are unchecked"
-        )
-    if "z" not in series:
-        sentences.append("no depth: the pitch tilt of the velocity sensor and its delay are unchecked")
-    ground = [name for name in ("u", "v", "w") if name in series]
-    if not ground:
-        sentences.append("no velocity over ground: it is derived from the position, if there is one")
-    if not {"u_water", "v_water"} <= set(series):
-        sentences.append(
-            "no velocity through the water: a current is told only from legs in several headings, and drag is"
-            " fitted to speeds that are uncertain by it"
-        )
-    return tuple(sentences)
+    has = set(series)
+    attitude = has & {"roll", "pitch", "yaw"}
+    rates = [name for name in "pqr" if name not in has]
+    lacking = {
+        "attitude": not attitude,
+        "roll": attitude and "roll" not in has,
+        "pitch": attitude and "pitch" not in has,
+        "yaw": attitude and "yaw" not in has,
+        " ".join(rates): rates,
+        "position": not {"x", "y"} <= has,
+        "depth": "z" not in has,
+        "velocity over ground": not {"u", "v", "w"} & has,
+        "velocity through the water": not {"u_water", "v_water"} <= has,
+    }
+    return [Finding("not recorded", Severity.NOTE, name) for name, lacks in lacking.items() if lacks]

@@ -16,12 +16,14 @@ Held by ``tests/inspect/test_consistency.py``.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import DEGREE
-from seatrial.inspect.consistency_result import SlowCurrent
+from seatrial.base.finding import Finding, Severity
+from seatrial.inspect.corrections import SlowCurrent
 from seatrial.statistics.blocks import lag_one_correlation, variance_inflation
 from seatrial.trial.kinematics import Channels, earth_velocity
 
@@ -58,17 +60,17 @@ class SlowCurrentSettings:
 SETTINGS = SlowCurrentSettings()
 
 
-def slow_current(channels: Channels) -> SlowCurrent | str:
-    """Current over time, or the reason why the log does not tell it."""
+def slow_current(channels: Channels) -> SlowCurrent | Finding:
+    """Current over time, or why the log does not tell it."""
     have = set(channels.curves)
     if "yaw" not in have or not {"u", "v"} <= have:
-        return "the current needs heading and both horizontal velocities over ground"
+        return _untold("channels")
     names = ("u", "v", "w", "roll", "pitch", "yaw")
     water = {"u_water", "v_water"} <= have
     used = (*names, *(("u_water", "v_water", "w_water") if water else ()))
     grid = channels.grid(used, 2.0)
     if grid is None:
-        return "the current needs velocity and heading at the same times"
+        return _untold("times")
     t = grid.t
     known = channels.known(used, t, {})
     pitch, yaw = (channels.at(name, t, {}) for name in ("pitch", "yaw"))
@@ -87,9 +89,9 @@ def slow_current(channels: Channels) -> SlowCurrent | str:
     known &= held & ~_gains_way(np.hypot(ground[:, 0], ground[:, 1]), known, t)
     turning = _recently(np.abs(course_rate) > SETTINGS.straight_rate, t)
     if (known & ~turning).sum() * grid.step < 2.0 * SETTINGS.settled_s:
-        return "no straight leg under a held command: the current stays unknown"
+        return _untold("no leg")
     if 1.0 - np.abs(np.mean(np.exp(1j * yaw[known]))) < 0.3:
-        return "legs in one heading only: a current cannot be told from the speed through the water"
+        return _untold("one heading")
     design[:, 0, 0], design[:, 0, 1] = np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw)
     design[:, 1, 0], design[:, 1, 1] = -np.sin(yaw), np.cos(yaw)
     turns = [_lagged(rate, lag, grid.step) for lag in SETTINGS.lags_s]
@@ -99,6 +101,10 @@ def slow_current(channels: Channels) -> SlowCurrent | str:
     for k, (turn, slow) in enumerate(zip(turns, slowed, strict=True)):
         own[:, 1, 2 + 2 * k], own[:, 0, 3 + 2 * k] = turn, slow
     return _told(_Legs(t, known, turning, ground[:, :2], design, own, True), source)
+
+
+def _untold(why: str, **values: Any) -> Finding:
+    return Finding("current untold", Severity.NOTE, why, values)
 
 
 def _rate(t: Array, yaw: Array, over_s: float) -> Array:
@@ -183,13 +189,13 @@ class _Legs:
     shared: bool
 
 
-def _told(legs: _Legs, source: str) -> SlowCurrent | str:
+def _told(legs: _Legs, source: str) -> SlowCurrent | Finding:
     """Current of the greatest marginal likelihood, or why it is not told."""
     from scipy.optimize import minimize
 
     parts = _averaged(legs)
     if parts is None:
-        return "too few samples of legs under a held command: the current stays unknown"
+        return _untold("few samples")
     start = np.array([np.log(SETTINGS.walk_m_s), *np.log([0.02, 0.02, 0.05, 0.05]), 0.0])
     used = start.size if legs.shared else 3
     options = {"xatol": 0.02, "fatol": 0.05, "maxfev": 400}
@@ -211,7 +217,7 @@ def _told(legs: _Legs, source: str) -> SlowCurrent | str:
         sd = np.hypot(sd, parts.by_share(best))
     wide = float(np.sqrt(np.mean(sd**2)))
     if wide > SETTINGS.widest_m_s:
-        return f"the current stays unknown: {source} leave it uncertain by {wide:.2f} m/s"
+        return _untold("uncertain", source=source, sd_m_s=wide)
     return SlowCurrent(
         parts.knots,
         current,

@@ -14,6 +14,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import DEGREE
+from seatrial.base.finding import Finding, Severity
 from seatrial.base.frames import matrix
 from seatrial.trial.kinematic_axes import (
     LEAST_MOTION,
@@ -83,7 +84,7 @@ class Found:
     middle
         Time at which a delay with a drift holds, s.
     why
-        Why there is no fit, and what to do; empty for too little in common.
+        Why there is no fit; None for too little in common.
     motion, speed
         Of a velocity: root mean squares of the rates that it is compared with and of the velocity, m/s.
     shown
@@ -100,30 +101,27 @@ class Found:
     other_clock: bool = False
     sizes: tuple[float, float] = (0.0, 0.0)
     middle: float = 0.0
-    why: str = ""
+    why: Finding | None = None
     motion: float = 0.0
     speed: float = 0.0
     shown: float = 0.0
     still: bool = False
 
+    @property
+    def pose(self) -> str:
+        """What a velocity is compared with: "depth", "position" or "position and depth"."""
+        return self.of.removeprefix("rates of ").removeprefix("rate of ").partition(" and the velocity")[0]
 
-def _undated(group: str, clock: str, reference: str, delays: Sequence[float]) -> str:
+
+def _undated(group: str, clock: str, reference: str, delays: Sequence[float]) -> Finding:
     """Why sensors of two clocks are not compared."""
-    fits = " and ".join(f"{delay:.1f} s" for delay in delays)
-    return (
-        f"the {group} is not compared: its clock ({clock or 'unnamed'}) differs from that of the attitude"
-        f" ({reference or 'unnamed'}), and offsets of {fits} fit alike, because the motion that both show is"
-        " too small or repeats. Take the offset from an event that both files show and give it under [clocks]"
-        " in map.toml"
-    )
+    values = {"clock": clock, "reference": reference, "delays_s": tuple(delays)}
+    return Finding("clocks undated", Severity.NOTE, group, values)
 
 
-def _at_end(what: str, delay: float, reach: float) -> str:
+def _at_end(what: str, delay: float, reach: float) -> Finding:
     """Why a delay at the end of the search range is none."""
-    return (
-        f"the delay of the {what} is not estimated: what fits best, {delay:.2f} s, lies at the end of the"
-        f" range of +/- {reach:.2g} s that was searched; compare the clocks of both sensors, and their signs"
-    )
+    return Finding("delay at end", Severity.NOTE, what, {"delay_s": delay, "reach_s": reach})
 
 
 def _reach(channels: Channels, group: str) -> tuple[float, bool]:
@@ -316,9 +314,8 @@ def _still(residual: VelocityResidual, grid: Grid, rows: tuple[int, ...], before
     if moved > LEAST_MOTION["velocity"]:
         return None
     clearly = shown > SETTINGS.clearly_moving * max(moved, LEAST_MOTION["velocity"])
-    why = "hardly any motion: signs, sizes and delay are not compared"
     made = Found("velocity", _compared(rows), None, sizes=(before, before), motion=moved, shown=shown)
-    return replace(made, still=clearly, why=f"{made.of}: {why}")
+    return replace(made, still=clearly, why=Finding("too little motion", Severity.NOTE, made.of))
 
 
 def _velocity_parameters(channels: Channels, grid: Grid, rows: tuple[int, ...]) -> list[Parameter]:

@@ -11,8 +11,10 @@ import numpy as np
 from seatrial.base.channels import DEGREE
 from seatrial.base.finding import Finding, Severity
 from seatrial.base.frames import from_euler, product, to_euler
+from seatrial.base.plain import Plain
+from seatrial.base.report import sentence_of
 from seatrial.inspect.consistency import consistency
-from seatrial.inspect.consistency_result import Consistency, Correction, SlowCurrent, current_sentence
+from seatrial.inspect.corrections import Consistency, Correction, SlowCurrent
 from seatrial.trial.corrections import to_origin
 from seatrial.trial.resampling import own_samples
 from seatrial.trial.signals import RecordingReport, Series
@@ -23,13 +25,18 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Proposal:
+class Proposal(Plain, without="finding", also="text"):
     """One key of a campaign that its trials propose, with the trials; ``done``: reading does it by itself."""
 
-    text: str
+    finding: Finding
     trials: tuple[str, ...]
     effect: float
     done: bool
+
+    @property
+    def text(self) -> str:
+        """What was found, its effect, and what to write where."""
+        return sentence_of(self.finding, "consistency")
 
 
 def series_of(recording: Recording) -> dict[str, Series]:
@@ -136,8 +143,8 @@ def _on_top(correction: Correction, given: Mapping[str, Any]) -> Correction:
         value = [round(float(x + y), 3) for x, y in zip(value, before, strict=True)]
     else:
         value = float(f"{value + before:.6g}")
-    sentence = f"{correction.sentence}, beyond the {key} that is given"
-    return replace(correction, value=value, sentence=sentence)
+    finding = replace(correction.finding, values={**correction.finding.values, "given": key})
+    return replace(correction, value=value, finding=finding)
 
 
 def proposals(
@@ -158,17 +165,22 @@ def proposals(
         trials = tuple(name for name, _ in entries)
         best = max((correction for _, correction in entries), key=_effect)
         done = all(_done(correction.key, reports[name]) for name, correction in entries)
-        where = f"trial {trials[0]}" if len(trials) == 1 else f"{len(trials)} trials ({', '.join(trials)})"
-        text = f"{where}: {best.sentence}{_range(entries)}; rms of {best.of} {best.before:.3g} to"
-        text += f" {best.after:.3g}: {_place(dict(entries), len(by_trial))}"
         kind, _, sensor = best.key.partition(".")
         files = {(clocks or {}).get(name, {}).get(sensor, "") for name in trials} - {""}
-        if kind == "delay_s" and files:
-            text += (
-                "; map.toml of the import proposes the same delay as the clock of"
-                f" {', '.join(sorted(files))}: accept one of the two"
-            )
-        made.append(Proposal(text + (" (applied on reading)" if done else ""), trials, _effect(best), done))
+        place, averaged = _place(dict(entries), len(by_trial))
+        values = {
+            "trials": trials,
+            "range": _range(entries),
+            "of": best.of,
+            "before": best.before,
+            "after": best.after,
+            "place": place,
+            "averaged": averaged,
+            "clocks": sorted(files) if kind == "delay_s" else [],
+            "done": done,
+        }
+        finding = Finding("correction proposed", Severity.WEAKNESS, best.key, values, best.finding)
+        made.append(Proposal(finding, trials, _effect(best), done))
     made += [
         _current(name, current)
         for name, result in by_trial.items()
@@ -177,16 +189,17 @@ def proposals(
     return tuple(sorted(made, key=lambda proposal: (proposal.done, -proposal.effect)))
 
 
-def _place(entries: Mapping[str, Correction], count: int) -> str:
-    """What to write where, as `seatrial import` drafts it: the trials' mean, or each trial's own value."""
+def _place(entries: Mapping[str, Correction], count: int) -> tuple[str, bool]:
+    """What to write where, as `seatrial import` drafts it: the trials' mean (True), or each trial's value."""
     first = next(iter(entries.values()))
     if first.table == "clocks" or count == 1:
-        return f"[{first.table}] {first.line}"
+        return f"[{first.table}] {first.line}", False
     if not common(entries, count):
-        return ", ".join(f"[trials.{name}.{own.table}] {own.line}" for name, own in entries.items())
+        lines = (f"[trials.{name}.{own.table}] {own.line}" for name, own in entries.items())
+        return ", ".join(lines), False
     if len({repr(own.value) for own in entries.values()}) == 1:
-        return f"[{first.table}] {first.line}"
-    return f"[{first.table}] {replace(first, value=mean(entries)[1]).line} (their mean)"
+        return f"[{first.table}] {first.line}", False
+    return f"[{first.table}] {replace(first, value=mean(entries)[1]).line}", True
 
 
 def common(entries: Mapping[str, Correction], count: int) -> bool:
@@ -223,21 +236,21 @@ def accepted(result: Consistency) -> SlowCurrent | None:
 
 
 def _current(name: str, current: SlowCurrent) -> Proposal:
-    text = f"trial {name}: a slow current, {current_sentence(current)}: [trials.{name}.corrections] current"
     ratios = [before / max(after, 1e-12) for before, after in zip(current.before, current.after, strict=True)]
-    return Proposal(text, (name,), max(ratios), False)
+    finding = Finding("current proposed", Severity.WEAKNESS, name, {"current": current})
+    return Proposal(finding, (name,), max(ratios), False)
 
 
 def _effect(correction: Correction) -> float:
     return correction.before / max(correction.after, 1e-12)
 
 
-def _range(entries: list[tuple[str, Correction]]) -> str:
+def _range(entries: list[tuple[str, Correction]]) -> tuple[float, float] | None:
     """From which to which value the trials go, where there are several numbers."""
     values = [correction.value for _, correction in entries]
     if len(values) < 2 or not all(isinstance(x, float) for x in values) or min(values) == max(values):
-        return ""
-    return f"; {np.min(values):.4g} to {np.max(values):.4g} by trial"
+        return None
+    return min(values), max(values)
 
 
 def _done(key: str, report: RecordingReport) -> bool:

@@ -30,7 +30,7 @@ from seatrial.vehicle.actuators import actuator_groups, drivers
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.inspect.consistency_result import Correction, SlowCurrent
+    from seatrial.inspect.corrections import Correction, SlowCurrent
     from seatrial.trial.trial import Trial
 
 

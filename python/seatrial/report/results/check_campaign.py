@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 from seatrial.base.finding import Severity
 from seatrial.base.report import Report, Section, Table
 from seatrial.check.campaign import CampaignCheck
-from seatrial.inspect.consistency_result import current_sentence
 from seatrial.inspect.consistency_trials import accepted
 from seatrial.report.results import trial_findings
+from seatrial.report.results.consistency import correction_table, current_sentence
 
 if TYPE_CHECKING:
-    from seatrial.inspect.consistency_result import Consistency
+    from seatrial.inspect.corrections import Consistency
 
 
 _READY = {True: "Ready to identify", False: "Nothing to identify: it only tunes or verifies an autopilot"}
@@ -66,7 +66,9 @@ def _consistency(name: str, consistency: Consistency) -> Section:
         statements.append(
             f"a slow current, {current_sentence(current)}: [trials.{name}.corrections] {current.line}"
         )
-    return Section(f"Consistency of trial {name}", tuple(statements), (consistency.table(),), details=True)
+    return Section(
+        f"Consistency of trial {name}", tuple(statements), (correction_table(consistency),), details=True
+    )
 
 
 def _worst(check: CampaignCheck) -> tuple[str, str]:
