@@ -19,8 +19,9 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.plain import Plain
+from seatrial.base.report import words_about
 from seatrial.bench_test.motor_fit import MotorUncertainty
-from seatrial.bench_test.motor_model import NAMES, RECIPROCAL, MotorModel, StepRecord, symbol
+from seatrial.bench_test.motor_model import NAMES, RECIPROCAL, MotorModel, StepRecord
 from seatrial.bench_test.motor_plateaus import Noise
 
 
@@ -86,30 +87,7 @@ class MotorParameter(Plain, also="status"):
         >>> MotorParameter("T_t", "s", 0.1234, 0.0021, 0.119, 0.128, 12.0).sentence()
         'T_t = 0.1234 s ± 0.0021, 95 % interval 0.1190 to 0.1280 s.'
         """
-        label, unit = symbol(self.name), "" if self.unit == "1" else f" {self.unit}"
-        if self.value is not None and self.sigma is not None:
-            if self.name in ("T_1", "T_t") and _number(self.upper) < SETTINGS.shortest_s:
-                return f"{label} is zero to {SETTINGS.shortest_s:g} s."
-            digits = 4 if self.sigma <= 0 else max(0, 1 - math.floor(math.log10(self.sigma)))
-            lower, upper = (f"{_number(edge):.{digits}f}" for edge in (self.lower, self.upper))
-            return (
-                f"{label} = {self.value:.{digits}f}{unit} ± {self.sigma:.{digits}f}, 95 % interval {lower} to"
-                f" {upper}{unit}{self.remark and f'; {self.remark}'}."
-            )
-        # A value without a deviation: the remark says why.
-        if self.value is not None:
-            return f"{label} = {self.value:.4g}{unit}, {self.remark}."
-        text = f"{label} is not determined: {self.reason}"
-        for known, word in ((self.at_least, "at least"), (self.at_most, "at most")):
-            if known is not None:
-                text += f"; it is {word} {known:.4g}{unit}"
-        if self.kept is None:
-            return text + "."
-        if math.isinf(self.kept):
-            return text + "; the vehicle file has no such limit."
-        if self.contradicted:
-            return text + f"; this contradicts the vehicle file's {self.kept:.4g}{unit}: correct it by hand."
-        return text + f"; the vehicle file's {self.kept:.4g}{unit} is kept."
+        return words_about(self, "bench_sentences")[0]
 
 
 @dataclass(frozen=True)
@@ -126,10 +104,6 @@ class MotorEstimateSettings:
 
 
 SETTINGS = MotorEstimateSettings()
-
-
-def _number(value: float | None) -> float:
-    return math.nan if value is None else value
 
 
 @dataclass(frozen=True)
@@ -162,13 +136,6 @@ class ActuatorDifference(Plain):
     value: float
     median: float
     p: float
-
-    def sentence(self) -> str:
-        """The difference in one sentence."""
-        return (
-            f"{self.actuator} differs from its group in {symbol(self.name)}: {self.value:.4g} against"
-            f" {self.median:.4g} (p = {self.p:.2g}); give it a motor of its own."
-        )
 
 
 def compare_directions(
@@ -297,22 +264,6 @@ class WrittenMotor:
     r2: float
     least: str | None
 
-    def sentences(self, fitted_r2: float) -> list[str]:
-        """What is written though it is not determined, and whether the file's motor is worse than the fit."""
-        lines = []
-        if self.least is not None:
-            lines.append(
-                f"{self.least} is written as {self.table[self.least]:g}, the least that the records allow:"
-                " without it the vehicle file would reuse the other rate limit, which the records exclude."
-            )
-        if fitted_r2 - self.r2 > SETTINGS.worse:
-            lines.append(
-                f"The motor as written to the vehicle file follows the records with R\N{SUPERSCRIPT TWO}"
-                f" {self.r2:.4f}, the fit with {fitted_r2:.4f}: a limit that the file keeps, or shares"
-                " between directions, is wrong; compare its keys with the sentences above."
-            )
-        return lines
-
 
 @dataclass(frozen=True)
 class MotorEstimate(
@@ -396,53 +347,4 @@ class MotorEstimate(
 
     def sentences(self) -> tuple[str, ...]:
         """What is known of each parameter, what differs, how well it fits; one sentence each."""
-        fit, unit = self.fitness, self.unit
-        lines = [parameter.sentence() for parameter in self.parameters.values()]
-        if self.below_minimum is not None and self.below_minimum_ratio is not None:
-            what = "lifted to it" if self.below_minimum == "lift" else "dropped to zero"
-            lines.append(
-                f"Commands below the minimum are {what}: the opposite assumption gives"
-                f" {self.below_minimum_ratio:.3g} times the cost."
-            )
-        if self.distinct_commands == 1:
-            lines.append(
-                "K_V rests on commands of one magnitude; a limit there would look the same, and commands of"
-                " other magnitudes would decide."
-            )
-        for pair in self.directions:
-            if pair.differ:
-                shared = pair.name in ("n_acc", "n_dec")
-                pooled = f"; the vehicle file has one for both: {pair.pooled:.4g}" if shared else ""
-                lines.append(
-                    f"{pair.name} differs between the directions: {pair.ahead:.4g} ahead, {pair.astern:.4g}"
-                    f" astern (p = {pair.p:.2g}){pooled}."
-                )
-        lines += self.written.sentences(fit.r2)
-        lines += [difference.sentence() for difference in self.differing]
-        if self.left_out:
-            lines.append(
-                f"{self.left_out} of {self.left_out + fit.samples} measurements are gross errors and are left"
-                " out."
-            )
-        for name in self.trimmed:
-            lines.append(
-                f"Record {name} starts in motion under a constant command: its first transient is left out;"
-                " give the command that was held before."
-            )
-        lines.append(
-            f"Mean absolute error {fit.absolute:.3g} {unit}, R\N{SUPERSCRIPT TWO} {fit.r2:.5f}, over"
-            f" {fit.samples} samples."
-        )
-        # Errors well above the noise of the measurement are the model's.
-        own = max(self.noise.total, 1e-12)
-        if fit.rms > SETTINGS.rough * own:
-            lines.append(
-                f"The errors ({fit.rms:.3g} {unit} rms) are {fit.rms / own:.1f} times the measurement's own"
-                " noise: the motor does something that the chain leaves out, or single values are wrong; look"
-                " at the figure."
-            )
-        if not self.converged or self.agreeing < 2:
-            lines.append(
-                f"Of {self.starts} starts {self.agreeing} found this minimum: compare the figure before use."
-            )
-        return tuple(lines)
+        return tuple(words_about(self, "bench_sentences"))

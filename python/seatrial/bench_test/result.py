@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,143 +11,16 @@ import numpy as np
 
 from seatrial.base.atomic_write import write_atomic, writing
 from seatrial.base.errors import SeatrialError
-from seatrial.base.report import Reported
+from seatrial.base.report import Reported, words_about
 from seatrial.base.run import RunDirectory, to_json
-from seatrial.bench_test.characteristic import actuator_ratios
-from seatrial.bench_test.vehicle_text import PER_MINUTE
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.bench_test.characteristic import DirectionFit, UnitFit
+    from seatrial.bench_test.characteristic import UnitFit
     from seatrial.bench_test.file import BenchFile
     from seatrial.bench_test.motor_estimate import MotorEstimate
     from seatrial.bench_test.motor_model import StepRecord
     from seatrial.bench_test.pulls import PullPoints
-
-
-_MOST = 4  # outliers that a sentence names
-
-
-def pull_sentences(unit: str, fit: UnitFit, records: Sequence[PullPoints]) -> list[str]:
-    """What the pulls of a group say: factors, curve, exponent, order, outliers."""
-    lines = [f"{unit}: {text}" for text in _factors(records)]
-    for side, direction in fit.directions.items():
-        lines.append(f"{unit} {side}: {_largest(fit, side)}; {_goodness(direction)}")
-        if fit.kind == "quadratic":
-            p1, sd = (
-                PER_MINUTE * float(x[0])
-                for x in (direction.fit.coefficients, direction.fit.standard_deviations)
-            )
-            lines.append(f"{unit} {side}: p1 = {p1:.5g} ± {sd:.2g} N s², thrust per n|n| with n in rev/s")
-        if np.isfinite(direction.exponent[0]) and not fit.regression.with_voltage:
-            lines.append(f"{unit} {side}: {exponent_text(direction)}")
-        if direction.judgement:
-            lines.append(f"{unit} {side}: {direction.judgement}")
-        lines += [f"{unit} {side}: {text}" for text in _outliers(fit, direction)]
-    if fit.table is not None:
-        lines += [f"{unit}: {text}" for text in _table(fit)]
-    ratios = [
-        f"{'+'.join(names)} {ratio:.3f} ± {sd:.2g}" for names, (ratio, sd) in actuator_ratios(fit).items()
-    ]
-    if ratios:
-        lines.append(f"{unit}: thrust over that of the common curve: {', '.join(ratios)}")
-    return lines
-
-
-def motor_sentences(unit: str, motor: MotorEstimate) -> list[str]:
-    """What the steps of a group say."""
-    return [f"{unit} motor: {text.removesuffix('.')}" for text in motor.sentences()]
-
-
-def share(value: float, digits: int = 5) -> str:
-    """A share of the scatter in decimals; what would round to one is shown as above the largest one below it.
-
-    Examples
-    --------
-    >>> share(0.9999), share(0.9999999)
-    ('0.99990', '> 0.99999')
-    """
-    short = f"{value:.{digits}f}"
-    return f"> {1.0 - 10.0**-digits:.{digits}f}" if value < 1.0 and float(short) == 1.0 else short
-
-
-def _factors(records: Sequence[PullPoints]) -> list[str]:
-    lines: dict[str, None] = {}
-    for record in records:
-        for names, factor in record.factors.items():
-            many = (
-                f"{len(names)} actuators ({', '.join(names)}) pull" if len(names) > 1 else f"{names[0]} pulls"
-            )
-            lines[f"{many} {factor:.4g} N along the load cell per newton of one"] = None
-    return list(lines)
-
-
-def _largest(fit: UnitFit, side: str) -> str:
-    own = fit.points.signal > 0.0 if side == "ahead" else fit.points.signal < 0.0
-    k = int(np.flatnonzero(own)[np.abs(fit.points.thrust[own]).argmax()])
-    volts = f" and {fit.points.voltage_v[k]:.3g} V" if fit.regression.with_voltage else ""
-    return f"{abs(fit.points.thrust[k]):.3g} N at {fit.points.signal[k]:+.4g} {fit.unit.command}{volts}"
-
-
-def _goodness(direction: DirectionFit) -> str:
-    fit = direction.fit
-    return (
-        f"R2 = 1 - SSE/SST {verb_of(share(fit.r2))} (squared correlation, blind to a wrong gain,"
-        f" {verb_of(share(fit.b))}); points scatter by {fit.sigma:.2g} N (standard"
-        f" deviation, {fit.dof} degrees of freedom)"
-    )
-
-
-def verb_of(value: str) -> str:
-    """The value behind "=", or as it is where it begins with ">"."""
-    return value if value.startswith(">") else f"= {value}"
-
-
-def exponent_text(one: DirectionFit) -> str:
-    """Power of the signal with which thrust grows, and whether it is that of n|n|."""
-    value, sd = one.exponent
-    low, high = one.exponent_interval
-    said = (
-        f"thrust grows with the {value:.3f} ± {sd:.2g} power of the signal, 95 % interval {low:.2f} to"
-        f" {high:.2f}"
-    )
-    if low <= 2.0 <= high:
-        return f"{said}: n|n| (2) lies in it"
-    return (
-        f'{said}: it differs from n|n| (2); compare order = 2 and order = "points" (a dead band or an offset'
-        " of the load cell bends weak points most)"
-    )
-
-
-def _outliers(fit: UnitFit, direction: DirectionFit) -> list[str]:
-    if not len(direction.outliers):
-        return []
-    points = fit.points
-    kept = fit.regression.outliers == "keep"
-    shown = [
-        f"pull {points.pull[k]}, {points.label[k]} ({points.signal[k]:+.4g} {fit.unit.command},"
-        f" {points.thrust[k]:+.3g} N)"
-        for k in direction.outliers[:_MOST]
-    ]
-    more = f" and {len(direction.outliers) - _MOST} more" if len(direction.outliers) > _MOST else ""
-    return [f"WARNING: outliers, {'kept' if kept else 'left out of the fit'}: {'; '.join(shown)}{more}"]
-
-
-def _table(fit: UnitFit) -> list[str]:
-    table = fit.table
-    assert table is not None
-    rms = float(np.sqrt(np.mean(table.residual**2)))
-    worst = int(np.abs(table.residual).argmax())
-    lines = [
-        f"table of {len(table.signal)} signals"
-        + (f" at {len(table.voltage_v)} voltages" if len(table.voltage_v) else "")
-        + f": the points lie {rms:.2g} N (rms) from it, at most {abs(table.residual[worst]):.2g} N"
-        f" at {fit.points.signal[worst]:+.4g} {fit.unit.command}"
-    ]
-    low, high = table.dead_band
-    if low < 0.0 or high > 0.0:
-        lines.append(f"dead band: no thrust from {low:+.4g} to {high:+.4g} {fit.unit.command}")
-    return lines
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -194,15 +67,7 @@ class BenchTest(Reported):
 
     def sentences(self) -> list[str]:
         """What the test says, in sentences; warnings begin with WARNING."""
-        lines = []
-        for record in self.records.values():
-            lines += [f"pull {record.name}: {note}" for note in record.notes]
-        for unit, fit in self.pulls.items():
-            own = [record for record in self.records.values() if record.name in fit.points.pull]
-            lines += pull_sentences(unit, fit, own)
-        for unit, motor in self.motors.items():
-            lines += motor_sentences(unit, motor)
-        return lines + [f"WARNING: {text}" for text in self.warnings] + list(self.notes)
+        return words_about(self, "bench_sentences")
 
     def to_dict(self) -> dict[str, Any]:
         """All of it as plain data for JSON."""

@@ -22,7 +22,6 @@ from seatrial.base.arrays import Array
 from seatrial.base.file_names import file_name, free_name
 from seatrial.bench_test.characteristic import SIDES
 from seatrial.bench_test.motor_model import StepRecord
-from seatrial.bench_test.result import share
 from seatrial.report.plot.style import (
     CYCLE,
     FAINT,
@@ -40,6 +39,7 @@ from seatrial.report.plot.style import (
     new_figure,
     panel_title,
 )
+from seatrial.report.results.bench_sentences import share
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

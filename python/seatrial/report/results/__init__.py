@@ -17,6 +17,7 @@ WRITERS = {
     "AutopilotCheck": "check_file",
     "BenchTest": "bench_test",
     "CampaignCheck": "check_campaign",
+    "Comparison": "comparison",
     "Consistency": "consistency",
     "FailureBoundary": "surveys",
     "Falsification": "surveys",

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from seatrial.base.report import Report, Section, Table
-from seatrial.bench_test.result import BenchTest, exponent_text, share, verb_of
+from seatrial.bench_test.result import BenchTest
+from seatrial.report.results.bench_sentences import exponent_text, share, verb_of
 
 WRITE = (
     "write the results into the vehicle file (seatrial bench FILE --in-place, or --write FILE), then"
