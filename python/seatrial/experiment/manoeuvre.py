@@ -254,10 +254,12 @@ def free_decay(
         start = Start(roll_deg=roll, pitch_deg=pitch, surge_m_s=surge, words=words)
     way = f", {ahead} ahead" if ahead else ""
     size = "" if axis == "Z" else f", {angle_deg:.0f} deg"
+    name = f"free decay of {MOTIONS[axis]}{size}{way}"
+    words = "let go, to either side in turn, and left alone until it is still" if axis != "Z" else "let go"
     return Manoeuvre(
-        name=f"free decay of {MOTIONS[axis]}{size}{way}",
+        name=name,
         kind="free decay",
-        words="let go, to either side in turn, and left alone until it is still" if axis != "Z" else "let go",
+        words=words,
         t=t,
         commands=thrusters.commands(np.tile(held, (len(t), 1))),
         start=start,
@@ -315,14 +317,14 @@ def coast_down(
 ) -> Manoeuvre:
     """Accelerated, then left without thrust, at two speeds; in both senses except for surge."""
     both = combination.axis != "X"
+    name = f"coast-down {_called(thrusters, combination)}"
+    words = (
+        f"{combination.motion} driven with {100 * amplitude:.0f} % and half of that, coasting"
+        " to a stop after each"
+    )
     return _manoeuvre(
         thrusters,
-        (
-            "coast-down",
-            f"coast-down {_called(thrusters, combination)}",
-            f"{combination.motion} driven with {100 * amplitude:.0f} % and half of that, coasting"
-            " to a stop after each",
-        ),
+        ("coast-down", name, words),
         [(combination, lambda t, span: coast_down_levels(t, span, both=both))],
         duration_s=duration_s,
         amplitude=amplitude,
@@ -339,14 +341,14 @@ def zigzag(
     switch_s: float = 15.0,
 ) -> Manoeuvre:
     """To either side in turn while moving ahead; for a vertical or pitch combination see `dive`."""
+    name = f"zigzag {_called(thrusters, combination)}, {ahead} ahead"
+    words = (
+        f"{ahead} ahead; {combination.motion} to both sides in turn with {100 * amplitude:.0f} % of"
+        f" {_left(combination)}, switched every {switch_s:g} s"
+    )
     return _manoeuvre(
         thrusters,
-        (
-            "zigzag",
-            f"zigzag {_called(thrusters, combination)}, {ahead} ahead",
-            f"{ahead} ahead; {combination.motion} to both sides in turn with {100 * amplitude:.0f} % of"
-            f" {_left(combination)}, switched every {switch_s:g} s",
-        ),
+        ("zigzag", name, words),
         [(combination, lambda t, span: zigzag_levels(t, span, switch_s=switch_s))],
         duration_s=duration_s,
         amplitude=amplitude,
@@ -363,14 +365,14 @@ def spiral(
     amplitude: float = 0.5,
 ) -> Manoeuvre:
     """Turning tighter step by step, first to one side, then to the other, under way."""
+    name = f"spiral {_called(thrusters, combination)}, {ahead} ahead"
+    words = (
+        f"{ahead} ahead; {combination.motion} in three steps to {100 * amplitude:.0f} % of"
+        f" {_left(combination)}, to starboard and then to port"
+    )
     return _manoeuvre(
         thrusters,
-        (
-            "spiral",
-            f"spiral {_called(thrusters, combination)}, {ahead} ahead",
-            f"{ahead} ahead; {combination.motion} in three steps to {100 * amplitude:.0f} % of"
-            f" {_left(combination)}, to starboard and then to port",
-        ),
+        ("spiral", name, words),
         [(combination, spiral_levels)],
         duration_s=duration_s,
         amplitude=amplitude,
@@ -389,14 +391,14 @@ def dive(
 ) -> Manoeuvre:
     """Down and up in turn by a heave or pitch combination, at rest or under way."""
     way = f"{ahead} ahead" if ahead else "without way"
+    name = f"dive by {_called(thrusters, combination)}, {way}"
+    words = (
+        f"{way}; {combination.motion} down and up in turn with {100 * amplitude:.0f} % of"
+        f" {_left(combination)}, switched every {switch_s:g} s"
+    )
     return _manoeuvre(
         thrusters,
-        (
-            "dive",
-            f"dive by {_called(thrusters, combination)}, {way}",
-            f"{way}; {combination.motion} down and up in turn with {100 * amplitude:.0f} % of"
-            f" {_left(combination)}, switched every {switch_s:g} s",
-        ),
+        ("dive", name, words),
         [(combination, lambda t, span: zigzag_levels(t, span, switch_s=switch_s))],
         duration_s=duration_s,
         amplitude=amplitude,
@@ -423,14 +425,14 @@ def multisine(
     begun = f"{ahead} ahead; " if ahead else ""
     motions = list(dict.fromkeys(combination.motion for combination in combinations))
     spoken = f"{', '.join(motions[:-1])} and {motions[-1]} together" if len(motions) > 1 else motions[0]
+    name = f"multisine {which}{way}"
+    words = (
+        f"{begun}{spoken} excited from {band_hz[0]:g} to {band_hz[1]:g} Hz with"
+        f" {100 * amplitude:.0f} % of {_all(combinations)}"
+    )
     return _manoeuvre(
         thrusters,
-        (
-            "multisine",
-            f"multisine {which}{way}",
-            f"{begun}{spoken} excited from {band_hz[0]:g} to {band_hz[1]:g} Hz with"
-            f" {100 * amplitude:.0f} % of {_all(combinations)}",
-        ),
+        ("multisine", name, words),
         [(combination, part(index)) for index, combination in enumerate(combinations)],
         duration_s=duration_s,
         amplitude=amplitude,

@@ -301,16 +301,11 @@ def _steps(trial: Trial, driving: Sequence[Drive]) -> Iterator[Manoeuvre]:
                 continue
             t, until = float(trial.t[start]), float(trial.t[stop - 1]) + trial.dt
             unit = f" {drive.unit}" if drive.unit else ""
-            yield Manoeuvre(
-                "step",
-                drive.name,
-                t,
-                until,
-                level - before,
-                drive.unit,
+            words = (
                 f"step of {_words(drive)} from {_number(before, drive)} to {_number(level, drive)}{unit} at"
-                f" {t:.0f} s, held for {until - t:.0f} s",
+                f" {t:.0f} s, held for {until - t:.0f} s"
             )
+            yield Manoeuvre("step", drive.name, t, until, level - before, drive.unit, words)
 
 
 def _words(drive: Drive) -> str:
@@ -341,16 +336,11 @@ def _coast_downs(trial: Trial, driving: Sequence[Drive], motion: _Motion) -> Ite
                 continue
             factor, unit = readable(channel)
             t, until = float(trial.t[start]), float(trial.t[stop - 1])
-            yield Manoeuvre(
-                "coast-down",
-                axis,
-                t,
-                until,
-                factor * first,
-                unit,
+            words = (
                 f"coast-down of {MOTIONS[axis]} from {factor * first:.2g} to {factor * last:.2g} {unit}"
-                f" in {until - t:.0f} s from {t:.0f} s on",
+                f" in {until - t:.0f} s from {t:.0f} s on"
             )
+            yield Manoeuvre("coast-down", axis, t, until, factor * first, unit, words)
 
 
 def _neutral(driving: Sequence[Drive], axis: str, dt: float) -> Mask | None:
@@ -376,30 +366,18 @@ def _swings(trial: Trial, motion: _Motion) -> Iterator[Manoeuvre]:
     for group in _zigzags(swings, trial.dt):
         t, until = float(trial.t[group[0][0]]), float(trial.t[group[-1][1] - 1])
         size = float(np.rad2deg(np.median([abs(change) for *_, change in group])))
-        yield Manoeuvre(
-            "zigzag",
-            "N",
-            t,
-            until,
-            size,
-            "deg",
-            f"zigzag of {len(group)} swings of about {size:.0f} deg from {t:.0f} to {until:.0f} s",
-        )
+        words = f"zigzag of {len(group)} swings of about {size:.0f} deg from {t:.0f} to {until:.0f} s"
+        yield Manoeuvre("zigzag", "N", t, until, size, "deg", words)
         swings = [swing for swing in swings if swing not in group]
     for start, stop, change in swings:
         if abs(change) < SETTINGS.turn_angle:
             continue
         t, until = float(trial.t[start]), float(trial.t[stop - 1])
-        yield Manoeuvre(
-            "turn",
-            "N",
-            t,
-            until,
-            float(np.rad2deg(change)),
-            "deg",
+        words = (
             f"turn of {abs(np.rad2deg(change)):.0f} deg to {'starboard' if change > 0.0 else 'port'} from"
-            f" {t:.0f} to {until:.0f} s",
+            f" {t:.0f} to {until:.0f} s"
         )
+        yield Manoeuvre("turn", "N", t, until, float(np.rad2deg(change)), "deg", words)
 
 
 def _zigzags(swings: Sequence[tuple[int, int, float]], dt: float) -> Iterator[list[tuple[int, int, float]]]:
@@ -430,16 +408,11 @@ def _dives(trial: Trial, motion: _Motion) -> Iterator[Manoeuvre]:
                 continue
             t, until = float(trial.t[start]), float(trial.t[stop - 1])
             kind: Kind = "dive" if sign > 0.0 else "rise"
-            yield Manoeuvre(
-                kind,
-                "Z",
-                t,
-                until,
-                change,
-                "m",
+            words = (
                 f"{kind} from {motion.depth[start]:.1f} to {motion.depth[stop - 1]:.1f} m depth from {t:.0f}"
-                f" to {until:.0f} s",
+                f" to {until:.0f} s"
             )
+            yield Manoeuvre(kind, "Z", t, until, change, "m", words)
 
 
 def _decays(trial: Trial, driving: Sequence[Drive]) -> Iterator[Manoeuvre]:
@@ -466,16 +439,11 @@ def _decays(trial: Trial, driving: Sequence[Drive]) -> Iterator[Manoeuvre]:
             if len(heights) < 3 or not dying or heights[2] > 0.8 * size:
                 continue
             t, until = float(trial.t[start]), float(trial.t[stop - 1])
-            yield Manoeuvre(
-                "decay",
-                axis,
-                t,
-                until,
-                float(np.rad2deg(size)),
-                "deg",
+            words = (
                 f"free decay of {channel} from {np.rad2deg(size):.0f} deg with {len(heights)} extremes from"
-                f" {t:.0f} s on",
+                f" {t:.0f} s on"
             )
+            yield Manoeuvre("decay", axis, t, until, float(np.rad2deg(size)), "deg", words)
 
 
 def _steady(trial: Trial, driving: Sequence[Drive], motion: _Motion) -> Iterator[Manoeuvre]:
