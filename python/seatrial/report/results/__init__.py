@@ -30,6 +30,7 @@ WRITERS = {
     "MissionCheck": "check_file",
     "Plan": "plan",
     "RareFailures": "surveys",
+    "Score": "score",
     "SimulatedTrial": "simulation",
     "Survey": "imported",
     "Tuning": "tuning",
