@@ -11,12 +11,7 @@ import seatrial as st
 from seatrial.control_design.lqr import design_lqr
 from seatrial.control_design.margin_report import MarginRow, autopilot_margins, sound_speeds
 from seatrial.control_design.margins import small
-from seatrial.control_design.tuning_table import (
-    ACCEPTED_GAIN_DB,
-    ACCEPTED_PHASE_DEG,
-    ACCEPTED_SENSITIVITY,
-    LeastMargins,
-)
+from seatrial.control_design.tuning_table import ACCEPTED, LeastMargins
 from tests.control_design.started import started
 
 CWOLF = st.Vehicle.load("cwolf")
@@ -120,11 +115,11 @@ def test_law_flights_are_level_at_sound_speeds_and_pitch_up_beyond() -> None:
 
 def test_accepted_margins_are_the_default_limits_of_a_tuning() -> None:
     limits = LeastMargins()
-    assert (limits.phase_deg, limits.gain_db) == (ACCEPTED_PHASE_DEG, ACCEPTED_GAIN_DB)
+    assert (limits.phase_deg, limits.gain_db) == (ACCEPTED.phase_deg, ACCEPTED.gain_db)
     gain = 10.0 ** (limits.gain_db / 20.0)
     assert gain == pytest.approx(2.0, rel=0.01)
-    assert small(limits.phase_deg, limits.gain_db, ACCEPTED_SENSITIVITY) == ()
-    assert small(0.99 * limits.phase_deg, 0.99 * limits.gain_db, 1.01 * ACCEPTED_SENSITIVITY) == (
+    assert small(limits.phase_deg, limits.gain_db, ACCEPTED.sensitivity) == ()
+    assert small(0.99 * limits.phase_deg, 0.99 * limits.gain_db, 1.01 * ACCEPTED.sensitivity) == (
         "phase",
         "gain",
         "sensitivity",

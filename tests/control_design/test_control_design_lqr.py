@@ -12,15 +12,7 @@ from scipy.linalg import solve_continuous_are
 import seatrial as st
 from seatrial._core import Vehicle
 from seatrial.control_design.loops import Plant, closed, plant, restoring_law, sampled, step_response, trim
-from seatrial.control_design.lqr import (
-    MOTION,
-    TARGETS,
-    Tolerances,
-    _gain,
-    design_lqr,
-    lqr_autopilot,
-    lqr_tables,
-)
+from seatrial.control_design.lqr import SETTINGS, Tolerances, _gain, design_lqr, lqr_autopilot, lqr_tables
 from seatrial.control_design.margins import least_margins
 from seatrial.control_design.start_gains import start_gains
 from seatrial.vehicle.authority import LOOPS, ROWS, Delay, delays
@@ -46,15 +38,17 @@ def test_law_every_gain_has_its_margins_behind_lag_and_dead_time(name: str) -> N
                 assert name == "remus100"
                 assert speed > 1.85
                 continue
-            assert reached.phase_deg >= TARGETS[-1][0]
-            assert reached.sensitivity <= TARGETS[-1][1]
+            assert reached.phase_deg >= SETTINGS.margin_targets[-1][0]
+            assert reached.sensitivity <= SETTINGS.margin_targets[-1][1]
             at = trim(vehicle, speed, rows)
             if at is None:
                 assert not gains.trimmed[k]
                 continue
             # Again, on a plant that is sampled twice as fast as the law was designed for and read out anew.
             late = delays(vehicle, rows)
-            system = sampled(plant(vehicle, at, gains.loops, motion=MOTION), late, 0.05, gains.loops)
+            system = sampled(
+                plant(vehicle, at, gains.loops, motion=SETTINGS.design_motion_m_s), late, 0.05, gains.loops
+            )
             law = gains.gain[k] + restoring_law(vehicle, rows)
             assert np.abs(np.linalg.eigvals(closed(system, law))).max() < 1.0, f"{mode} at {speed}"
             assert least_margins(system, law).phase_deg > reached.phase_deg - 3.0

@@ -24,8 +24,8 @@ from seatrial.control_design.pole_placement import law
 from seatrial.control_design.start_autopilot import autopilot_text, commented
 from seatrial.control_design.start_gains import StartGains, start_gains
 from seatrial.control_design.start_guidance import (
-    CLOSEST,
     PATH_RAD_S,
+    START_GUIDANCE_SETTINGS,
     following_delay,
     guidance,
     heavy,
@@ -311,5 +311,7 @@ def test_a_pitch_that_overshoots_gets_a_longer_lookahead() -> None:
     # Of a pure integral with a delay of 1 s.
     delayed = np.exp(-1j * PATH_RAD_S) / (1j * PATH_RAD_S)
     distance = least_lookahead(delayed)
-    assert np.abs(1.0 + delayed / distance).min() == pytest.approx(CLOSEST, abs=0.02)
-    assert np.abs(1.0 + 1.5 * delayed / distance).min() < CLOSEST
+    assert np.abs(1.0 + delayed / distance).min() == pytest.approx(
+        START_GUIDANCE_SETTINGS.least_distance, abs=0.02
+    )
+    assert np.abs(1.0 + 1.5 * delayed / distance).min() < START_GUIDANCE_SETTINGS.least_distance

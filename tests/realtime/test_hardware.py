@@ -18,6 +18,7 @@ import pytest
 from seatrial.base.errors import SimulationError
 from seatrial.realtime.hardware import Hardware, command_packet, udp_hardware
 from seatrial.realtime.plant import Motion
+from seatrial.report.results.realtime import link_sentence
 
 PEER = ("192.168.2.2", 14660)
 MOTION = Motion(
@@ -227,7 +228,7 @@ def test_packets_that_the_system_does_not_send_are_counted_and_told() -> None:
         assert hardware.exchange(MOTION) == {"a": 0.0}
     facts = hardware.facts()
     assert facts.unsent == {"Network is unreachable": 3}
-    assert "3 were not sent: Network is unreachable" in facts.sentence()
+    assert "3 were not sent: Network is unreachable" in link_sentence(facts)
     assert facts.to_dict()["unsent"] == {"Network is unreachable": 3}
 
 

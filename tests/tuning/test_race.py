@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from seatrial.control_design.margin_constraint import MarginConstraint
 from seatrial.tuning.objective import Flown, Objective
 from seatrial.tuning.scope import GainParameters
-from seatrial.tuning.search import FEW, Race
+from seatrial.tuning.search import GROUP_SEARCH_SETTINGS, Race
 from seatrial.tuning.step_trial import Samples
 from tests.tuning.tuning_campaigns import rig, start, trials
 
@@ -70,9 +70,9 @@ def generation(seed: int, samples: int) -> tuple[Array, Flights]:
 
 @pytest.mark.parametrize("seed", range(20))
 def test_law_parents_and_their_costs_are_those_of_all_samples(seed: int) -> None:
-    x, flights = generation(seed, FEW)
-    race = Race(objective(FEW, margins=Lacking()), flights)
-    whole = Race(objective(FEW, margins=Lacking()), flights).exactly(x)
+    x, flights = generation(seed, GROUP_SEARCH_SETTINGS.few_samples)
+    race = Race(objective(GROUP_SEARCH_SETTINGS.few_samples, margins=Lacking()), flights)
+    whole = Race(objective(GROUP_SEARCH_SETTINGS.few_samples, margins=Lacking()), flights).exactly(x)
     race.exactly(x[:1])  # the start, as an evolution strategy asks for it
     flights.flown[:] = 0
     found = race(x)
@@ -86,18 +86,18 @@ def test_law_parents_and_their_costs_are_those_of_all_samples(seed: int) -> None
 def test_a_race_saves_a_fifth_of_the_flights() -> None:
     flown = 0
     for seed in range(20):
-        x, flights = generation(seed, FEW)
-        race = Race(objective(FEW, margins=Lacking()), flights)
+        x, flights = generation(seed, GROUP_SEARCH_SETTINGS.few_samples)
+        race = Race(objective(GROUP_SEARCH_SETTINGS.few_samples, margins=Lacking()), flights)
         race.exactly(x[:1])
         flights.flown[:] = 0
         race(x)
         flown += int(flights.flown.sum())
-    assert flown < 0.8 * 20 * CANDIDATES * FEW
+    assert flown < 0.8 * 20 * CANDIDATES * GROUP_SEARCH_SETTINGS.few_samples
 
 
 def test_who_lacks_more_margin_than_parents_cost_is_not_flown() -> None:
-    x, flights = generation(3, FEW)
-    race = Race(objective(FEW, margins=Lacking()), flights)
+    x, flights = generation(3, GROUP_SEARCH_SETTINGS.few_samples)
+    race = Race(objective(GROUP_SEARCH_SETTINGS.few_samples, margins=Lacking()), flights)
     race(x)
     flights.x = x.copy()
     flights.x[:4] = 2.0  # e^2 times the gain: a cost of 60 without any flight
@@ -108,8 +108,8 @@ def test_who_lacks_more_margin_than_parents_cost_is_not_flown() -> None:
 
 
 def test_a_quantile_takes_all_samples_of_all_candidates() -> None:
-    x, flights = generation(4, FEW)
-    race = Race(objective(FEW, quantile=0.9), flights)
+    x, flights = generation(4, GROUP_SEARCH_SETTINGS.few_samples)
+    race = Race(objective(GROUP_SEARCH_SETTINGS.few_samples, quantile=0.9), flights)
     race(x)
     race(x)
     assert (flights.flown == 2).all()
@@ -124,7 +124,7 @@ def test_of_many_samples_the_worst_noises_and_vehicles_are_met_and_all_have_the_
     assert race.met == [1, 4, 8, 9, 10]
     costs = race.with_all(x)
     np.testing.assert_allclose(costs, Race(objective(11, nominal=8), flights).exactly(x))
-    few = Race(objective(FEW), flights)
+    few = Race(objective(GROUP_SEARCH_SETTINGS.few_samples), flights)
     few.narrow(x[:1])
     assert not few.narrowed
 
@@ -145,9 +145,9 @@ def test_a_search_has_enough_when_corridors_are_kept_and_nothing_is_gained() -> 
 
 
 def test_a_diverged_candidate_is_no_parent() -> None:
-    x, flights = generation(7, FEW)
+    x, flights = generation(7, GROUP_SEARCH_SETTINGS.few_samples)
     flights.violation[2] = np.inf
-    race = Race(replace(objective(FEW), margins=None), flights)
+    race = Race(replace(objective(GROUP_SEARCH_SETTINGS.few_samples), margins=None), flights)
     race(x)
     costs = race(x)
     assert np.isinf(costs[2]) or costs[2] > np.sort(costs)[CANDIDATES // 2 - 1]

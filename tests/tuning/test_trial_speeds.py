@@ -14,7 +14,7 @@ from seatrial.base.errors import CampaignError
 from seatrial.control_design.tuning_table import TuningTable
 from seatrial.identification.fitted import Fitted
 from seatrial.tuning.control_problem import ControlProblem
-from seatrial.tuning.loop_steps import MOST, apart, thinned, tried_speeds
+from seatrial.tuning.loop_steps import LOOP_STEP_SETTINGS, apart, thinned, tried_speeds
 from seatrial.tuning.scope import slowest_level_m_s
 
 EVERY = (-math.inf, math.inf)
@@ -28,7 +28,7 @@ def test_law_speeds_are_few_apart_in_their_mode_and_within_reach(
     found = tried_speeds(
         sorted(points), [(switch, math.inf)], away_m_s=0.2, within_m_s=(-3.0, 3.0), apart_m_s=spacing
     )
-    assert 1 <= len(found) <= MOST
+    assert 1 <= len(found) <= LOOP_STEP_SETTINGS.most_speeds
     assert list(found) == sorted(found)
     # To the micrometre per second that speeds are rounded to.
     assert all(switch + 0.2 - 1e-6 <= speed <= 3.0 for speed in found)
@@ -39,7 +39,7 @@ def test_law_speeds_are_few_apart_in_their_mode_and_within_reach(
 def test_law_the_slowest_and_the_fastest_ahead_are_among_the_three(points: list[float]) -> None:
     found = thinned(sorted(points))
     assert set(found) <= set(points)
-    assert len(found) <= MOST
+    assert len(found) <= LOOP_STEP_SETTINGS.most_speeds
     assert max(found) == max(points)
     assert min(map(abs, found)) == pytest.approx(min(map(abs, points)), abs=1e-6)
 

@@ -16,6 +16,9 @@ from seatrial.base.run import RunDirectory, part_file
 from seatrial.identification.fitted import Fitted
 from seatrial.tuning import loop_steps, tuning_run
 from seatrial.tuning.control_problem import ControlProblem
+from seatrial.tuning.loop_steps import LoopStepSettings
+from seatrial.tuning.objective import ObjectiveSettings
+from seatrial.tuning.search import GroupSearchSettings
 from tests.tuning.tuning_campaigns import HEAD, campaign, cwolf, start
 from tests.tuning.tuning_runs import Told
 
@@ -147,13 +150,17 @@ def test_law_what_a_search_depends_on_is_searched_anew_when_it_changes(change: s
 
 
 @pytest.mark.parametrize(
-    ("module", "name", "value"),
-    [(tuning_run, "HEADROOM", 0.03), (tuning_run, "GENERATIONS", 31), (loop_steps, "_SETTLE_S", 30.0)],
+    ("module", "name", "settings"),
+    [
+        (tuning_run, "OBJECTIVE_SETTINGS", ObjectiveSettings(headroom_share=0.03)),
+        (tuning_run, "GROUP_SEARCH_SETTINGS", GroupSearchSettings(generations=31)),
+        (loop_steps, "LOOP_STEP_SETTINGS", LoopStepSettings(least_settle_s=30.0)),
+    ],
 )
 def test_what_the_file_leaves_open_counts_too(
-    module: object, name: str, value: float, bench: Bench, monkeypatch: pytest.MonkeyPatch
+    module: object, name: str, settings: object, bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, name, value)
+    monkeypatch.setattr(module, name, settings)
     assert bench.searched() == BOTH
 
 

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from seatrial.control_design.margin_constraint import MarginConstraint
-from seatrial.tuning.objective import HEADROOM, Objective, Terms
+from seatrial.tuning.objective import OBJECTIVE_SETTINGS, Objective, Terms
 from seatrial.tuning.scope import GainParameters
 from seatrial.tuning.step_trial import LoopTrials, Rig, Samples
 from tests.tuning.tuning_campaigns import rig, start, trials
@@ -127,8 +127,8 @@ def test_the_search_has_a_headroom_and_the_report_none(monkeypatch: pytest.Monke
     one = objective()
     one(np.zeros((2, len(HEADING))))
     one.terms(HEADING.gains(np.zeros((2, len(HEADING)))), headroom=0.0)
-    assert told.headrooms == [HEADROOM, HEADROOM, 0.0, 0.0]
-    assert HEADROOM > 0.0
+    assert told.headrooms == [OBJECTIVE_SETTINGS.headroom_share, OBJECTIVE_SETTINGS.headroom_share, 0.0, 0.0]
+    assert OBJECTIVE_SETTINGS.headroom_share > 0.0
     assert all(samples is SAMPLES for samples in told.samples)
 
 

@@ -20,8 +20,8 @@ from seatrial.report.plot.style import save
 from seatrial.vehicle.actuators import NOMINAL_V, command, voltage_for
 from seatrial.vehicle.steady_state import (
     KNOT_M_S,
+    STEADY_STATE_SETTINGS,
     TURN_KINDS,
-    TURN_SHARES,
     cruise,
     drivers,
     farthest,
@@ -187,7 +187,7 @@ def test_lit_taubert_2014_table_1() -> None:
 @every("vehicle")
 def test_a_turn_is_steady(vehicle: Vehicle) -> None:
     found = turns(vehicle)
-    assert len(found) == len(TURN_KINDS) * len(TURN_SHARES)
+    assert len(found) == len(TURN_KINDS) * len(STEADY_STATE_SETTINGS.turn_shares)
     for turn in found:
         commands = turn_commands(vehicle, turn.share, TURN_KINDS[turn.kind] * turn.share)
         motion = steady(vehicle, commands, free="XYN", voltage_v=NOMINAL_V)

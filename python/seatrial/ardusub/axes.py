@@ -27,7 +27,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES
 from seatrial.base.report import sentence_of, wording
 from seatrial.control_design.margins import loop_margins
-from seatrial.control_design.tuning_table import ACCEPTED_GAIN_DB, ACCEPTED_PHASE_DEG, ACCEPTED_SENSITIVITY
+from seatrial.control_design.tuning_table import ACCEPTED
 from seatrial.identification.estimate import ESTIMATE_SETTINGS, implausible_masses
 from seatrial.vehicle.actuators import bollard
 from seatrial.vehicle.authority import delays
@@ -236,9 +236,9 @@ class Margins:
         Of what is accepted of a tuned loop; where those before were better, of these, up to what is ample.
         """
         own = before or self
-        phase = max(ACCEPTED_PHASE_DEG, min(own.phase_deg, AMPLE[0])) if before else ACCEPTED_PHASE_DEG
-        gain = max(ACCEPTED_GAIN_DB, min(own.gain_db, AMPLE[1])) if before else ACCEPTED_GAIN_DB
-        most = min(ACCEPTED_SENSITIVITY, max(own.sensitivity, AMPLE[2])) if before else ACCEPTED_SENSITIVITY
+        phase = max(ACCEPTED.phase_deg, min(own.phase_deg, AMPLE[0])) if before else ACCEPTED.phase_deg
+        gain = max(ACCEPTED.gain_db, min(own.gain_db, AMPLE[1])) if before else ACCEPTED.gain_db
+        most = min(ACCEPTED.sensitivity, max(own.sensitivity, AMPLE[2])) if before else ACCEPTED.sensitivity
         return float(
             max(0.0, 1.0 - self.phase_deg / phase)
             + max(0.0, 1.0 - self.gain_db / gain)

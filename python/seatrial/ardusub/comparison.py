@@ -22,11 +22,25 @@ from seatrial.logs.log import Log, Samples
 LIMITS = {"term": 0.01, "pulse": 2.0}
 """Share of a term, and microseconds of a pulse, within which a replay counts as right."""
 
-LONGEST_S = 1.0
-"""What follows from its own row alone may be off for so long at a stretch, s: a row that was logged
-between two periods is off by itself, what fails stays off."""
 
-_GAP_S = 0.5  # between rows of one stretch
+@dataclass(frozen=True)
+class ComparisonSettings:
+    """Which rows of a log belong together, and how many a check needs."""
+
+    #: Longest stretch, s, over which what follows from its own row alone may be off: a row that was logged
+    #: between two periods is off by itself, what fails stays off.
+    longest_off_s: float = 1.0
+    gap_s: float = 0.5  #: Longest gap between rows of one stretch, s.
+    #: Time from arming until motors follow the mixer, s: MOT_SPOOL_TIME is 0.5 s unless it is set.
+    spool_up_s: float = 1.0
+    near_s: float = 0.004  #: Rows of two controllers belong together where their stamps are so near, s.
+    #: Rows of a topic below which nothing is replayed from it; a mode with fewer rows owes no check.
+    fewest_rows: int = 20
+    #: Longest time between a row and the time for which it stands, s: three periods of a log at 10 Hz.
+    covers_s: float = 0.3
+
+
+COMPARISON_SETTINGS = ComparisonSettings()
 
 
 @dataclass(frozen=True)
@@ -111,7 +125,8 @@ class Quantity:
     why
         Why what is left is left; empty where nothing is.
     exact
-        Whether each row follows from itself alone: then none may be off for longer than `LONGEST_S` either.
+        Whether each row follows from itself alone: then none may be off for longer than `longest_off_s`
+        either.
     """
 
     controller: str
@@ -148,7 +163,7 @@ class Quantity:
         if not beyond.any():
             return best
         # A stretch ends where a row is within the limit, or where rows are missing.
-        ends = np.concatenate([[True], ~beyond[:-1] | (np.diff(t) > _GAP_S)])
+        ends = np.concatenate([[True], ~beyond[:-1] | (np.diff(t) > COMPARISON_SETTINGS.gap_s)])
         stretch = np.cumsum(ends | ~beyond)
         for number in np.unique(stretch[beyond]):
             rows = np.flatnonzero(beyond & (stretch == number))
@@ -162,7 +177,7 @@ class Quantity:
         if not self.p95 <= self.limit:
             return False
         first, last = self.off
-        return not (self.exact and last - first > LONGEST_S)
+        return not (self.exact and last - first > COMPARISON_SETTINGS.longest_off_s)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data without the rows."""
@@ -203,7 +218,6 @@ _MODES: Mapping[int, tuple[str, frozenset[str]]] = {
 CONTROLS: Mapping[str, frozenset[str]] = dict(_MODES.values())
 """What each mode controls; in a mode that is not here anything may be controlled."""
 
-_SPOOLS_S = 1.0  # after arming, until motors follow the mixer: MOT_SPOOL_TIME is 0.5 s unless it is set
 _ARMED, _DISARMED = 10.0, 11.0  # EV.Id
 
 
@@ -270,7 +284,7 @@ class Modes:
         # (LOG_DISARMED 0).
         state = np.concatenate([[not self.armed[0]], self.armed])[after]
         last = np.concatenate([[self.start], self.switched])[after]
-        return ~state | (t - last < _SPOOLS_S)
+        return ~state | (t - last < COMPARISON_SETTINGS.spool_up_s)
 
 
 def _changes(log: Log, samples: Mapping[str, Samples]) -> tuple[Array, tuple[str, ...]]:
@@ -293,14 +307,6 @@ def _arming(samples: Mapping[str, Samples]) -> tuple[Array, Any]:
         return np.asarray(rows.t, float)[arming], event[arming] == _ARMED
     return np.zeros(0), np.zeros(0, bool)
 
-
-NEAR_S = 0.004
-"""Rows of two controllers belong together where their stamps are so near, s."""
-
-FEWEST = 20
-"""Rows of a topic below which nothing is replayed from it; a mode with fewer rows owes no check."""
-
-_COVERS_S = 0.3  # between a row and the time for which it stands: three periods of a log at 10 Hz
 
 _TOPICS = (
     "RATE", "PIDR", "PIDP", "PIDY", "PIDA", "ANG", "ATT", "PSCD", "PSCN", "PSCE", "PSOT", "CTUN", "RCIN",
@@ -327,7 +333,7 @@ class Rows:
     def __getitem__(self, name: str) -> Array:
         return self.values[name]
 
-    def at(self, t: Array, near_s: float = NEAR_S) -> tuple[Any, Any]:
+    def at(self, t: Array, near_s: float = COMPARISON_SETTINGS.near_s) -> tuple[Any, Any]:
         """Rows nearest in time, and whether they are near enough."""
         if len(self.t) < 2:
             return np.zeros(len(t), int), np.zeros(len(t), bool)
@@ -371,9 +377,11 @@ class Comparison:
 
         In modes that are not known the topics of the controllers tell.
         """
-        if self.modes.unknown(self.ticks) >= FEWEST and any(t in self.log.fields for t in _TELLS[what]):
+        if self.modes.unknown(self.ticks) >= COMPARISON_SETTINGS.fewest_rows and any(
+            t in self.log.fields for t in _TELLS[what]
+        ):
             return True
-        return int(self.modes.controls(self.ticks, what).sum()) >= FEWEST
+        return int(self.modes.controls(self.ticks, what).sum()) >= COMPARISON_SETTINGS.fewest_rows
 
     def read(self, name: str, *columns: str) -> Rows | None:
         """Rows of a topic without those that are not numbers; None where it has no such columns or no row.
@@ -416,7 +424,7 @@ class Comparison:
         if rows is not None and control:
             works = ~self.modes.rests(rows.t, control)
             rows = Rows(rows.t[works], {column: rows[column][works] for column in columns})
-        if rows is None or len(rows.t) < FEWEST:
+        if rows is None or len(rows.t) < COMPARISON_SETTINGS.fewest_rows:
             count = 0 if rows is None else len(rows.t)
             what = "no rows" if rows is None and len(lacking) in (0, len(columns)) else f"{count} rows"
             why = f"the log has {what} of {name}"
@@ -441,8 +449,10 @@ class Comparison:
         if not control or any(gap.topic == name for gap in self.impossible):
             return
         due = self.ticks[self.modes.controls(self.ticks, control)]
-        _, near = rows.at(due, _COVERS_S)
-        if len(due) >= FEWEST and near.mean() < 0.9:  # its topic covers less; mode changes cost a row or two
+        _, near = rows.at(due, COMPARISON_SETTINGS.covers_s)
+        if (
+            len(due) >= COMPARISON_SETTINGS.fewest_rows and near.mean() < 0.9
+        ):  # its topic covers less; mode changes cost a row or two
             why = f"{name} covers {100 * near.mean():.0f} % of the time in which the modes control {control}"
             self.impossible.append(Impossible(name, "rows of all its time", why, name, partly=True))
 

@@ -24,20 +24,28 @@ _LETTERS = ("R", "P", "Y")
 
 _NAMES = ("RLL", "PIT", "YAW")
 
-_STILL_DEG_S = 0.01  # below which a target counts as still
-_SMALL_DEG = 3.0  # below which every angle controller is proportional
-_LONGEST_S = 0.25  # between two rows that follow one another
-_SPAN_S = 10.0  # over which an integral part is fed with the rows' errors
 
-_GAINED = f"I term, gained in {_SPAN_S:g} s"
+@dataclass(frozen=True)
+class ControllerReplaySettings:
+    """How the controllers of a log are replayed between its rows."""
 
-_SAME_DEG_S = (
-    0.01  # deg/s: rates wanted that differ by less are the same; logs keep six digits of some hundred
-)
+    still_rate_deg_s: float = 0.01  #: Rate below which a target counts as still, deg/s.
+    proportional_deg: float = 3.0  #: Error below which every angle controller is proportional, deg.
+    row_gap_s: float = 0.25  #: Longest time between two rows that follow one another, s.
+    span_s: float = 10.0  #: Time over which an integral part is fed with the rows' errors, s.
+    #: Misses of two limits that differ by less are the same, deg/s: the rounding of the log.
+    rate_rounding_deg_s: float = 0.01
+    period_s: float = 0.005  #: Period at which a controller is run between the rows, s.
+    #: What is left with the best cut-off, over that with the second best, below which it is clearly the best.
+    clear_ratio: float = 0.6
+    #: Cut-off frequencies that are tried, Hz.
+    cut_offs_hz: tuple[float, ...] = (0.0, 1.0, 2.0, 3.0, 5.0, 7.5, 10.0, 20.0)
 
-_PERIOD_S = 0.005  # at which a controller is run between the rows
-_CLEARLY = 0.6  # what is left with the best cut-off, over that with the second best
-_CUT_OFFS = (0.0, 1.0, 2.0, 3.0, 5.0, 7.5, 10.0, 20.0)  # Hz
+
+SETTINGS = ControllerReplaySettings()
+
+_GAINED = f"I term, gained in {SETTINGS.span_s:g} s"
+
 _YAW_LIMITS = np.radians(np.linspace(10.0, 120.0, 111))  # rad/s2; ArduSub's bounds of half of ATC_ACC_Y_MAX
 
 
@@ -79,10 +87,13 @@ class Controllers(Comparison):
         change = np.diff(wanted, axis=0, prepend=wanted[:1])
         change[:, 2] = (change[:, 2] + 180.0) % 360.0 - 180.0
         moving = np.abs(change) / np.maximum(np.diff(t, prepend=t[:1] - 1.0), 1e-3)[:, None]
-        still = np.all((moving < _STILL_DEG_S) & (np.roll(moving, -1, axis=0) < _STILL_DEG_S), axis=1)
+        still = np.all(
+            (moving < SETTINGS.still_rate_deg_s) & (np.roll(moving, -1, axis=0) < SETTINGS.still_rate_deg_s),
+            axis=1,
+        )
         p = []
         for k in range(3):
-            small = still & (np.abs(error[:, k]) < _SMALL_DEG)
+            small = still & (np.abs(error[:, k]) < SETTINGS.proportional_deg)
             how = f"{_AXES[k]} rate wanted over its error, targets at rest"
             p.append(self.gain(f"ATC_ANG_{_NAMES[k]}_P", logged[small, k], error[small, k], t[small], how))
         if not all(map(math.isfinite, p)):
@@ -102,7 +113,7 @@ class Controllers(Comparison):
                 np.asarray(ardusub_rates(to, at, zeros, gyros, p, most, 0.0025, yaw_rate_p=yaw_rate_p))
             )
 
-        turned = still & (t <= np.median(t)) & (np.abs(error[:, 2]) > _SMALL_DEG)
+        turned = still & (t <= np.median(t)) & (np.abs(error[:, 2]) > SETTINGS.proportional_deg)
         limit = self._yaw_acceleration(wants, turned, logged[turned, 2])
         replayed = wants(limit, np.ones(len(t), bool))
         judged = still & (t > np.median(t))
@@ -132,10 +143,10 @@ class Controllers(Comparison):
         if turned.sum() < 10:
             return float(_YAW_LIMITS[-1])
         misses = np.array([np.sqrt(np.mean((wants(a, turned)[:, 2] - logged) ** 2)) for a in _YAW_LIMITS])
-        if misses.min() > 0.05 * float(np.std(logged)) + 5.0 * _SAME_DEG_S:
+        if misses.min() > 0.05 * float(np.std(logged)) + 5.0 * SETTINGS.rate_rounding_deg_s:
             return float(_YAW_LIMITS[-1])  # no acceleration explains these rows
         # As good as the best: within a twentieth, and within what single precision and its rounding leave.
-        near = np.flatnonzero(misses <= 1.05 * misses.min() + _SAME_DEG_S)
+        near = np.flatnonzero(misses <= 1.05 * misses.min() + SETTINGS.rate_rounding_deg_s)
         limit = float(_YAW_LIMITS[int(np.argmin(misses))])
         low, high = (2.0 * math.degrees(_YAW_LIMITS[k]) for k in (near[0], near[-1]))
         name, how = "ATC_ACC_Y_MAX", "yaw rate wanted of large errors"
@@ -173,9 +184,9 @@ class Controllers(Comparison):
         """Cut-off of the target's filter, where one is clearly nearer than its neighbours."""
         if wanted is None:
             return
-        fine = np.arange(wanted.t[0], wanted.t[-1], _PERIOD_S)
+        fine = np.arange(wanted.t[0], wanted.t[-1], SETTINGS.period_s)
         target = np.radians(np.interp(fine, wanted.t, next(iter(wanted.values.values()))))
-        zeros, dt = np.zeros(len(fine)), np.where(np.arange(len(fine)) == 0, 0.0, _PERIOD_S)
+        zeros, dt = np.zeros(len(fine)), np.where(np.arange(len(fine)) == 0, 0.0, SETTINGS.period_s)
 
         def miss(cut_off: float) -> float:
             gains, filters = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0], [cut_off, 0.0, 0.0]
@@ -185,7 +196,7 @@ class Controllers(Comparison):
         tried = (0.0, 1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 30.0)
         misses = {cut_off: miss(cut_off) for cut_off in tried}
         best, second = sorted(tried, key=lambda cut_off: misses[cut_off])[:2]
-        if misses[best] >= _CLEARLY * misses[second]:
+        if misses[best] >= SETTINGS.clear_ratio * misses[second]:
             return
         how = "target of the controller over the rate wanted, Hz"
         self.keep(_cut_off(f"{name}_FLTT", best, tried, how))
@@ -221,7 +232,7 @@ class Controllers(Comparison):
         step, middle = np.diff(t, prepend=t[0]), 0.5 * (error + np.roll(error, 1))
         if stopped is not None:
             middle = np.where(stopped & (middle * term >= 0.0), 0.0, middle)
-        follows = (step > 0.0) & (step < _LONGEST_S)
+        follows = (step > 0.0) & (step < SETTINGS.row_gap_s)
         gained, cause = np.diff(term, prepend=term[0]), middle * step
         if follows.sum() < 100:
             self.cannot(controller, _GAINED, "too few rows that follow one another")
@@ -249,7 +260,7 @@ class Controllers(Comparison):
                 f"{controller}: the integral part was set anew in {int(reset.sum())} of {len(t)} rows."
             )
         # Anew every ten seconds with the logged integral part: what is judged is what ten seconds add.
-        span = max(round(_SPAN_S / float(np.median(step[follows]))), 1)
+        span = max(round(SETTINGS.span_s / float(np.median(step[follows]))), 1)
         starts = ~follows
         run = np.arange(len(t)) - np.maximum.accumulate(np.where(starts, np.arange(len(t)), 0))
         starts |= run % span == 0
@@ -340,7 +351,9 @@ class Controllers(Comparison):
         step = np.diff(t, prepend=t[0] - 1.0)
         rests = np.diff(answer, prepend=np.inf) == 0.0
         mode = np.searchsorted(self.modes.begins, t)
-        run = np.cumsum(~((step > 0.0) & (step < _LONGEST_S)) | rests | (np.diff(mode, prepend=-1) != 0))
+        run = np.cumsum(
+            ~((step > 0.0) & (step < SETTINGS.row_gap_s)) | rests | (np.diff(mode, prepend=-1) != 0)
+        )
         long = np.isin(run, np.flatnonzero(np.bincount(run) >= 100))
         if long.sum() < 200:
             self.cannot(controller, "acceleration wanted", "too few rows that follow one another")
@@ -357,7 +370,7 @@ class Controllers(Comparison):
 
         sought = centred(answer)
         fits = {}
-        for cut_off in _CUT_OFFS:
+        for cut_off in SETTINGS.cut_offs_hz:
             causes = centred(_causes(t, error, target, run, cut_off))
             gains, *_ = np.linalg.lstsq(causes[first], sought[first], rcond=None)
             fits[cut_off] = float(np.std((sought - causes @ gains)[first])), gains, causes
@@ -368,9 +381,9 @@ class Controllers(Comparison):
         for ending, value, sd in zip(("P", "I", "FF"), gains.tolist(), spread.tolist(), strict=True):
             if abs(value) > 3.0 * sd:
                 self.keep(Found(f"{name}_{ending}", value, sd, how))
-        second = min(fits[each][0] for each in _CUT_OFFS if each != cut_off)
-        if cut_off > 0.0 and miss < _CLEARLY * second:
-            self.keep(_cut_off(f"{name}_FLTE", cut_off, _CUT_OFFS, how))
+        second = min(fits[each][0] for each in SETTINGS.cut_offs_hz if each != cut_off)
+        if cut_off > 0.0 and miss < SETTINGS.clear_ratio * second:
+            self.keep(_cut_off(f"{name}_FLTE", cut_off, SETTINGS.cut_offs_hz, how))
         self.add(
             controller, "acceleration wanted", "m/s2", t, answer, answer + causes @ gains - sought,
             judged=~first, limit=0.05 * float(np.std(answer[~first])),
@@ -449,9 +462,9 @@ def _causes(t: Array, error: Array, target: Array, run: Any, cut_off: float) -> 
     causes = np.zeros((len(t), 3))
     for stretch in np.unique(run):
         rows = np.flatnonzero(run == stretch)
-        fine = np.arange(t[rows[0]], t[rows[-1]] + 0.5 * _PERIOD_S, _PERIOD_S)
+        fine = np.arange(t[rows[0]], t[rows[-1]] + 0.5 * SETTINGS.period_s, SETTINGS.period_s)
         between = np.interp(fine, t[rows], error[rows])
-        dt = np.where(np.arange(len(fine)) == 0, 0.0, _PERIOD_S)
+        dt = np.where(np.arange(len(fine)) == 0, 0.0, SETTINGS.period_s)
         zeros = np.zeros(len(fine))
         terms = np.asarray(
             ardusub_terms(between, zeros, dt, zeros, [1.0, 1.0, 0.0, 0.0, 0.0, math.inf], [0.0, cut_off, 0.0])

@@ -40,13 +40,20 @@ CHANNELS: Mapping[str, tuple[str, str]] = {
 }
 """Loop errors that are compared: unit, and what must be controlled."""
 
-ROW_S = 0.1
-"""Between two rows that are kept of a course, s: those of a log at 10 Hz."""
 
-SHORTEST_S = 10.0
-"""A stretch of a log that is shorter is not flown again."""
+@dataclass(frozen=True)
+class CourseSettings:
+    """Which stretches of a log are flown again, and what the controllers see."""
 
-_NEAR_S = 0.3  # between a row and the time for which it stands
+    row_s: float = 0.1  #: Time between two rows that are kept of a course, s: that of a log at 10 Hz.
+    shortest_s: float = 10.0  #: Shortest stretch of a log that is flown again, s.
+    near_s: float = 0.3  #: Longest time between a row and the time for which it stands, s.
+    #: Standard deviation of gyro (rad/s) and velocity (m/s) that the controllers see.
+    noise: tuple[float, float] = (0.002, 0.005)
+
+
+COURSE_SETTINGS = CourseSettings()
+
 _WANTED = 20  # columns of the core's targets
 
 
@@ -89,7 +96,7 @@ class Course:
     @property
     def every(self) -> int:
         """Control periods between two rows that are kept."""
-        return max(round(ROW_S / self.period_s), 1)
+        return max(round(COURSE_SETTINGS.row_s / self.period_s), 1)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -144,7 +151,7 @@ class _Rows:
         """Where a row stands near enough."""
         after = np.clip(np.searchsorted(self.t, t), 1, len(self.t) - 1)
         gap = np.minimum(np.abs(self.t[after] - t), np.abs(t - self.t[after - 1]))
-        return gap <= _NEAR_S
+        return gap <= COURSE_SETTINGS.near_s
 
 
 def rows_of(log: Log, topic: str, *names: str) -> _Rows | None:
@@ -165,20 +172,10 @@ def logged_courses(
 ) -> tuple[Course, ...]:
     """Courses of a log, one for each stretch of ten seconds or more in one mode.
 
-    Parameters
-    ----------
-    log : Log
-        With ANG, RATE, PIDR, PIDP, PIDY; PSCD, PIDA and CTUN where depth was controlled, PSCN and PSCE where
-        place was.
-    parameters : mapping
-        Those that the vehicle flew with, by ArduSub's names, as found from the log.
-    channels : sequence of int
-        Index of the sticks for forward and lateral among those of RCIN.
-
-    Raises
-    ------
-    TrialError
-        A topic is missing, or no stretch is long enough.
+    `log`: with ANG, RATE, PIDR, PIDP, PIDY; PSCD, PIDA and CTUN where depth was controlled, PSCN and PSCE
+    where place was; `parameters`: those that the vehicle flew with, by ArduSub's names, as found from the
+    log; `channels`: index of the sticks for forward and lateral among those of RCIN. Raises `TrialError`: a
+    topic is missing, or no stretch is long enough.
     """
     needed = {
         "ANG": ("DesRoll", "Roll", "DesPitch", "Pitch", "DesYaw", "Yaw"),
@@ -196,22 +193,24 @@ def logged_courses(
     step = rows_of(log, "ANG", "Dt")
     period = 0.005 if step is None else float(np.median(step.values["Dt"]))
     # The controllers run a whole number of times in a row of the course.
-    period = ROW_S / max(round(ROW_S / min(max(period, 0.001), 0.02)), 1)
+    period = COURSE_SETTINGS.row_s / max(round(COURSE_SETTINGS.row_s / min(max(period, 0.001), 0.02)), 1)
     begins = [(event.t, event.text) for event in log.events() if event.kind == "mode"]
     last = float(rows["ANG"].t[-1])
     ends = [t for t, _ in begins[1:]] + [last] * bool(begins)
     # The first rows after a change hold targets of the mode before.
     modes = [
-        (t + 2.0 * ROW_S, end, name)
+        (t + 2.0 * COURSE_SETTINGS.row_s, end, name)
         for (t, name), end in zip(begins, ends, strict=True)
-        if end - t >= SHORTEST_S
+        if end - t >= COURSE_SETTINGS.shortest_s
     ]
     if not modes:
-        modes = [(float(rows["ANG"].t[0]) + ROW_S, last, "log")]
+        modes = [(float(rows["ANG"].t[0]) + COURSE_SETTINGS.row_s, last, "log")]
     made = [_course(log, rows, parameters, period, mode, channels) for mode in modes]
     whole = tuple(course for course in made if course is not None)
     if not whole:
-        raise TrialError(f"{log.path}: expected a stretch of {SHORTEST_S:g} s in one mode, found none")
+        raise TrialError(
+            f"{log.path}: expected a stretch of {COURSE_SETTINGS.shortest_s:g} s in one mode, found none"
+        )
     return whole
 
 
@@ -224,10 +223,10 @@ def _course(
     channels: Sequence[int],
 ) -> Course | None:
     begin, end, name = mode
-    n = int((end - begin) / ROW_S)
-    if n * ROW_S < SHORTEST_S - 1.0:
+    n = int((end - begin) / COURSE_SETTINGS.row_s)
+    if n * COURSE_SETTINGS.row_s < COURSE_SETTINGS.shortest_s - 1.0:
         return None
-    every = round(ROW_S / period)
+    every = round(COURSE_SETTINGS.row_s / period)
     t: Array = np.asarray(begin + period * np.arange(n * every), float)
     kept = t[::every]
     ang, rate, depth, place = rows["ANG"], rows["RATE"], _vertical(log), _plane(log)
@@ -338,10 +337,6 @@ def _plane(log: Log) -> _Rows | None:
     return _Rows(north.t, {**north.values, **{name: east.at(name, north.t) for name in east.values}})
 
 
-NOISE = (0.002, 0.005)
-"""Standard deviation of gyro (rad/s) and velocity (m/s) that the controllers see."""
-
-
 @dataclass(frozen=True, eq=False)
 class Rig:
     """What a vehicle's set-up gives: frame, directions of the motors, where the tether pulls.
@@ -367,7 +362,7 @@ class Rig:
     frame: str
     direction: tuple[int, ...]
     tether_at: tuple[float, float, float] = (-0.2, 0.0, -0.1)
-    noise: tuple[float, float] = NOISE
+    noise: tuple[float, float] = COURSE_SETTINGS.noise
     wander_s: float = 1.0
     steady: tuple[float, ...] = (0.0,) * 6
     coupling: float | None = None
@@ -454,22 +449,9 @@ def fly_course(
 ) -> Array:
     """Rows (k, n, 20) of flights along a course, see `seatrial._core.ardusub_fly`.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-    rig : Rig
-    course : Course
-    parameters : mapping
-        By ArduSub's names and units (4.7 and later): a number, or (k,); the default where one is missing.
-    cases : Cases
-    threads : int, optional
-
-    Raises
-    ------
-    TrialError
-        A parameter is none of the cascade's.
-    SimulationError
-        The frame does not fit the vehicle, or a number is not finite.
+    `parameters`: by ArduSub's names and units (4.7 and later): a number, or (k,); the default where one is
+    missing. Raises `TrialError`: a parameter is none of the cascade's. Raises `SimulationError`: the frame
+    does not fit the vehicle, or a number is not finite.
     """
     known = ardusub_defaults()
     for name in parameters:
@@ -498,10 +480,7 @@ def fly_course(
 def check_rig(vehicle: Vehicle, rig: Rig) -> None:
     """Refuse a vehicle whose thrusters push against what frame and directions of the motors tell them.
 
-    Raises
-    ------
-    TrialError
-        A thruster pushes the wrong way, or their number is not the frame's.
+    Raises `TrialError`: a thruster pushes the wrong way, or their number is not the frame's.
     """
     if wrong := against(vehicle, rig):
         raise TrialError(
@@ -513,10 +492,7 @@ def check_rig(vehicle: Vehicle, rig: Rig) -> None:
 def against(vehicle: Vehicle, rig: Rig) -> list[str]:
     """Thrusters that push against what frame and directions of the motors tell them.
 
-    Raises
-    ------
-    TrialError
-        Their number is not the frame's.
+    Raises `TrialError`: their number is not the frame's.
     """
     shares = np.asarray(ardusub_frames()[rig.frame])
     columns = np.asarray(vehicle.allocation_matrix())

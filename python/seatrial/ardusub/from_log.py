@@ -49,8 +49,20 @@ if TYPE_CHECKING:
     from seatrial.identification.fitted import Fitted
     from seatrial.identification.identification import Identification
 
-_CHANCE = 1.645  # standard errors of a mean
-NO_WORSE = 1.05  # violation after over before up to which a loop that nothing changed is no worse
+
+@dataclass(frozen=True)
+class LogTuningSettings:
+    """How many missions judge, and what differs by more than chance."""
+
+    #: Standard errors of a mean by which a difference may come of chance: 5 % on one side.
+    chance_deviations: float = 1.645
+    #: Violation after over before up to which a loop that nothing changed is no worse.
+    no_worse_ratio: float = 1.05
+    judging_missions: int = 1000  #: Missions that judge the gains.
+    search_missions: int = 64  #: Missions of the search: each candidate flies them.
+
+
+LOG_TUNING_SETTINGS = LogTuningSettings()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -118,7 +130,8 @@ class LogTuning(RunResult):
         return bool(changed) and all(
             self.after.worst(name) < self.before.worst(name) and after < before
             if name in changed
-            else after <= NO_WORSE * before + 0.01 or by_chance(self.before, self.after, name)
+            else after <= LOG_TUNING_SETTINGS.no_worse_ratio * before + 0.01
+            or by_chance(self.before, self.after, name)
             for name in self.before.violations
             for before, after in [(worst_tail(self.before, name), worst_tail(self.after, name))]
         )
@@ -211,12 +224,12 @@ def by_chance(before: Missions, after: Missions, channel: str) -> bool:
     rises = (later - earlier)[worst]
     if len(rises) < 2 or not np.isfinite(rises).all():
         return False
-    return bool(rises.mean() <= _CHANCE * rises.std(ddof=1) / math.sqrt(len(rises)))
+    return bool(
+        rises.mean() <= LOG_TUNING_SETTINGS.chance_deviations * rises.std(ddof=1) / math.sqrt(len(rises))
+    )
 
 
 Say = Callable[[float, str], None]
-
-_MISSIONS, _SEARCHED = 1000, 64  # missions that judge, and those of the search: each candidate flies them
 
 
 def tune_log(
@@ -225,7 +238,7 @@ def tune_log(
     out: str | Path,
     parameters: ParameterFile | None = None,
     vehicle: str | Path | None = None,
-    missions: int = _MISSIONS,
+    missions: int = LOG_TUNING_SETTINGS.judging_missions,
     seed: int = 0,
     threads: int | None = None,
     resume: bool = True,
@@ -445,7 +458,7 @@ def _tuned(
         lambda: tune_parameters(
             fitted, rig, step_courses(own, rise, period_s=period, slew_deg_s=slew), flown, verdicts, model,
             seed=seed, threads=threads,
-            cases=draw_cases(fitted, reflight.wander, _SEARCHED, seed=seed + 1),
+            cases=draw_cases(fitted, reflight.wander, LOG_TUNING_SETTINGS.search_missions, seed=seed + 1),
             say=lambda share, words: say(0.45 + 0.3 * share, words),
         ),
         _tuned_to, _tuned_of,

@@ -24,7 +24,6 @@ from seatrial.ardusub.controllers import Controllers
 from seatrial.ardusub.motors import replay_motors, replay_sticks
 from seatrial.ardusub.parameters import ParameterFile, generation, in_metres
 from seatrial.base.errors import TrialError
-from seatrial.base.report import Column, Report, Section, Table, listed
 from seatrial.base.run import RunResult, run_facts, sha256, to_json
 from seatrial.base.work import Clock
 from seatrial.logs.formats import open_log
@@ -143,119 +142,6 @@ class Replay(RunResult):
             else {"name": self.frame[0], "direction": list(self.frame[1])},
             "notes": list(self.notes),
         }
-
-    def good(self) -> str:
-        """How many checks are met; first what is missing from the log."""
-        met, owed = self.checks
-        count = f"{met} of {owed} checks are what ArduSub's law makes of the logged inputs"
-        if self.missing:
-            whole = [name for name in self.missing if name not in self.partly]
-            parts = [(whole, "missing from the log"), (list(self.partly), "missing for part of the log")]
-            lacks = " and ".join(
-                f"{listed(names)} {'is' if len(names) == 1 else 'are'} {what}"
-                for names, what in parts
-                if names
-            )
-            lost = sum(bool(gap.topic) for gap in self.impossible)
-            return f"{lacks}, so that {lost} check{'s' if lost > 1 else ''} cannot be made; {count}"
-        return f"{count}; {len(self.found)} parameters found"
-
-    def worst(self) -> str:
-        """The first check that is not met, else one that could not be made, else the first note."""
-        wrong = [quantity for quantity in self.quantities if not quantity.holds]
-        if wrong:
-            # The first in the order of the signal: what comes after it may follow from it.
-            worst, more = wrong[0], len(wrong) - 1
-            others = f"; {more} more {'is' if more == 1 else 'are'} not met" if more else ""
-            return (
-                (
-                    f"{worst.controller}, {worst.name}: replayed within {_short(worst.p95)} {worst.unit} in"
-                    f" 95 % of the rows, expected {_short(worst.limit)} {worst.unit}"
-                )
-                + (f" ({worst.why})" if worst.why else "")
-                + others
-            )
-        if self.impossible:
-            gap = next((each for each in self.impossible if not each.topic), self.impossible[0])
-            return f"{gap.controller}, {gap.name}: {gap.why}"
-        return self.notes[0] if self.notes else "nothing stands out"
-
-    def report(self) -> Report:
-        """How many checks are met, the worst, what to do; tables."""
-        worst = self.worst()
-        against = self.against()
-        # A file that the vehicle does not fly with outweighs any check.
-        apart = [(each, own) for each, own, agrees in against if not agrees]
-        if apart:
-            differ = ", ".join(f"{_value(each)} for {own:g}" for each, own in apart[:4])
-            file = self.given.source if self.given else ""
-            worst = f"{len(apart)} parameters found differ from {file}: {differ}"
-        if self.missing:
-            next_step = (
-                f"log {listed(list(self.missing))} as well (LOG_BITMASK: attitude, PID, control tuning, RC"
-                " input and output), and replay the next dive"
-            )
-        elif not self.held:
-            next_step = "look at the check that is not met in the figure: where does it begin?"
-        elif apart:
-            next_step = "find out which is right: was the file written by this vehicle before this dive?"
-        elif against:
-            next_step = "identify the vehicle from the same log: seatrial import LOG --out PROJECT"
-        else:
-            next_step = "compare the parameters found with the vehicle's own: --parameters FILE"
-        return Report(
-            title=Path(self.source).name,
-            outcome="replayed" if self.held else "replayed in part" if self.checks[0] else "not replayed",
-            good=self.good(),
-            worst=worst,
-            next_step=next_step,
-            sections=(
-                Section(tables=(self._checks(), self._parameters())),
-                Section("What is left, and why", self._reasons(), details=True),
-                Section("Notes", self.notes, details=True),
-            ),
-        )
-
-    def _checks(self) -> Table:
-        """Table of all checks; those that could not be made last."""
-        rows = [
-            (
-                each.controller, each.name, each.unit, str(len(each.error)), _short(each.rms),
-                _short(each.p95), _short(each.limit), "yes" if each.holds else "no",
-            )
-            for each in self.quantities
-        ]  # fmt: skip
-        rows += [(gap.controller, gap.name, "", "0", "", "", "", "cannot tell") for gap in self.impossible]
-        head = ("controller", "quantity", "unit", "rows", "rms", "p95 error", "limit", "right")
-        return Table.of("Logged and replayed", head, rows, left=3)
-
-    def _parameters(self) -> Table:
-        """Table of the parameters found."""
-        own = {each.name: (f"{value:g}", "yes" if agrees else "no") for each, value, agrees in self.against()}
-        rows = [
-            (
-                each.name, f"{each.bound} {each.value:.4g}".strip(), "" if math.isnan(each.sd) else
-                f"{each.sd:.1g}", *own.get(each.name, ("", "")), each.how,
-            )
-            for each in self.found
-        ]  # fmt: skip
-        columns = ("parameter", "value", "sd", "given", "agrees", Column("found from", align="left"))
-        return Table.of("Parameters found", columns, rows, left=1)
-
-    def _reasons(self) -> tuple[str, ...]:
-        """Why checks are not met, or cannot be made."""
-        reasons = [f"{each.controller}, {each.name}: {each.why}." for each in self.quantities if each.why]
-        reasons += [f"{gap.controller}, {gap.name}: {gap.why}." for gap in self.impossible]
-        return tuple(dict.fromkeys(reasons))
-
-
-def _short(value: float) -> str:
-    return f"{value:.3g}"
-
-
-def _value(parameter: Found) -> str:
-    """Name and value of a parameter, or its bound."""
-    return " ".join(part for part in (parameter.name, parameter.bound, _short(parameter.value)) if part)
 
 
 def replay(log: str | Path, *, parameters: ParameterFile | None = None) -> Replay:

@@ -17,7 +17,15 @@ from typing import Any
 import numpy as np
 
 from seatrial._core import ardusub_forward_lateral, ardusub_frames, ardusub_pulses
-from seatrial.ardusub.comparison import CONTROLS, FEWEST, LIMITS, Comparison, Found, Quantity, Rows
+from seatrial.ardusub.comparison import (
+    COMPARISON_SETTINGS,
+    CONTROLS,
+    LIMITS,
+    Comparison,
+    Found,
+    Quantity,
+    Rows,
+)
 from seatrial.base.arrays import Array
 
 _OUTPUTS = 14  # columns of RCOU
@@ -27,11 +35,21 @@ _EXPLAINED_US = (
     1.5 * LIMITS["pulse"]
 )  # of four rows in five: demands and pulses are logged in different periods
 
-_ROWS_IN_FIVE = 80.0  # per cent: four rows in five
-_UNLIMITED = 0.95  # of all a motor has: below, no limit acts on the sum of its demands
-_STICK = 0.0026  # a microsecond of 400
-_STICKS_S = 0.1  # between a row of sticks and the demand that comes of it: a period of the log
-_PILOT = 0.02  # deflection of a stick from which the pilot takes over in POSHOLD
+
+@dataclass(frozen=True)
+class MotorReplaySettings:
+    """How close pulses and sticks must come to their replay."""
+
+    judged_percentile: float = 80.0  #: Percentile of the misses that is judged: four rows in five.
+    #: Share of all a motor has up to which no limit acts on the sum of its demands.
+    unlimited_share: float = 0.95
+    stick_rounding: float = 0.0026  #: Rounding of a stick's deflection: a microsecond of 400.
+    #: Time between a row of sticks and the demand that comes of it, s: a period of the log.
+    stick_late_s: float = 0.1
+    pilot_deflection: float = 0.02  #: Deflection of a stick from which the pilot takes over in POSHOLD.
+
+
+SETTINGS = MotorReplaySettings()
 
 _CHANNELS = {"roll": 2, "pitch": 1, "throttle": 3, "yaw": 4, "forward": 5, "lateral": 6}
 """Channel of each stick; ``RCMAP_*`` where it is set."""
@@ -111,7 +129,7 @@ def replay_motors(
         return None
     at, near = outputs.at(rates.t)
     near &= ~work.modes.disarmed(rates.t) & (work.modes.name_at(rates.t) != "MOTOR_DETECT")
-    if near.sum() < FEWEST:
+    if near.sum() < COMPARISON_SETTINGS.fewest_rows:
         work.cannot("mixer", "pulses of the motors", "too few rows of demands with pulses, armed")
         return None
     t = rates.t[near]
@@ -121,7 +139,7 @@ def replay_motors(
     drive = _Drive(t, np.concatenate([np.stack(known, 1), plane], 1), pulses, _outputs(work.known))
     # All outputs at rest, as of a vehicle that is disarmed, tell no frame; they are judged like all rows.
     active = (pulses[:, :_MOTORS] != _NEUTRAL).any(axis=1)
-    fit = _frame(drive.rows(active) if active.sum() >= FEWEST else drive, work.known)
+    fit = _frame(drive.rows(active) if active.sum() >= COMPARISON_SETTINGS.fewest_rows else drive, work.known)
     if fit is None:
         why = "no frame of ArduSub explains the pulses; FRAME_CONFIG may be custom"
         work.notes.append(f"Motors: {why}.")
@@ -176,16 +194,16 @@ def replay_sticks(work: Comparison) -> None:
     rates = work.read("RATE", *names.values())
     if sticks is None or rates is None:
         return
-    at, near = sticks.at(rates.t, _STICKS_S)
+    at, near = sticks.at(rates.t, SETTINGS.stick_late_s)
     near &= work.modes.controls(rates.t, "sticks")
     t, rows = rates.t[near], at[near]
     for check, (name, column) in zip(checks, names.items(), strict=True):
         logged, stick = rates[column][near], sticks[name][rows]
         # ACRO_YAW_P scales the stick of yaw.
-        moved = np.abs(stick) > 10.0 * _STICK
+        moved = np.abs(stick) > 10.0 * SETTINGS.stick_rounding
         factor = float(np.median(logged[moved] / stick[moved])) if name == "yaw" and moved.any() else 1.0
         why = "demand and stick differ in a mode in which sticks pass through"
-        work.add(*check, "1", t, logged, factor * stick, limit=_STICK, why=why)
+        work.add(*check, "1", t, logged, factor * stick, limit=SETTINGS.stick_rounding, why=why)
         if work.quantities[-1].holds:
             work.quantities[-1] = replace(work.quantities[-1], why="")
 
@@ -198,10 +216,10 @@ def _plane(work: Comparison, t: Array, demand: tuple[Array, Array] | None) -> tu
     in_place = work.modes.controls(t, "place")
     deflected = np.zeros(len(t), bool)
     if sticks is not None:
-        at, near = sticks.at(t, _STICKS_S)
+        at, near = sticks.at(t, SETTINGS.stick_late_s)
         pilot = np.stack([sticks["forward"][at], sticks["lateral"][at]], 1)
         demanded[near] = pilot[near]
-        deflected = near & (np.abs(pilot) > _PILOT).any(axis=1)
+        deflected = near & (np.abs(pilot) > SETTINGS.pilot_deflection).any(axis=1)
     in_place &= ~((work.modes.name_at(t) == "POSHOLD") & deflected)
     # In a mode that is not known rows of the position controller say that it worked.
     unknown = ~np.isin(work.modes.name_at(t), list(CONTROLS))
@@ -212,9 +230,9 @@ def _plane(work: Comparison, t: Array, demand: tuple[Array, Array] | None) -> tu
     yaw = np.full(len(t), np.nan)
     for topic in ("ATT", "ANG"):
         if (heading := work.read(topic, "Yaw")) is not None and len(heading.t) > 1:
-            near = heading.at(t, _STICKS_S)[1]
+            near = heading.at(t, SETTINGS.stick_late_s)[1]
             yaw[near] = np.radians(np.interp(t, heading.t, np.unwrap(heading["Yaw"], period=360.0)))[near]
-    if demand is None or len(demand[0]) < FEWEST:
+    if demand is None or len(demand[0]) < COMPARISON_SETTINGS.fewest_rows:
         return demanded, angles, np.zeros(len(t), bool)
     at, near = Rows(demand[0], {}).at(t)
     counts = near & in_place & np.isfinite(yaw)
@@ -233,11 +251,17 @@ def _with_lean(work: Comparison, drive: _Drive, fit: _Fit, angles: Array, counts
     if not counts.any() or np.linalg.matrix_rank(shares[use, 4:]) < 2:
         return drive
     left = own[:, use] - drive.demands[:, :4] @ shares[use, :4].T
-    sound = counts & np.isfinite(left).all(axis=1) & (np.abs(own[:, use]) < _UNLIMITED).all(axis=1)
+    sound = (
+        counts & np.isfinite(left).all(axis=1) & (np.abs(own[:, use]) < SETTINGS.unlimited_share).all(axis=1)
+    )
     solved = np.full_like(angles, np.nan)
     solved[sound] = np.linalg.lstsq(shares[use, 4:], left[sound].T, rcond=None)[0].T
-    strong = sound[:, None] & (np.abs(solved) > 20.0 * _STICK) & (np.abs(solved) < _UNLIMITED)
-    if strong.sum() < FEWEST:
+    strong = (
+        sound[:, None]
+        & (np.abs(solved) > 20.0 * SETTINGS.stick_rounding)
+        & (np.abs(solved) < SETTINGS.unlimited_share)
+    )
+    if strong.sum() < COMPARISON_SETTINGS.fewest_rows:
         return drive
     ratio = angles[strong] / solved[strong]
     limit = float(np.median(ratio))
@@ -311,7 +335,7 @@ def _fits(drive: _Drive, name: str, shares: Array, known: Mapping[str, float]) -
         left = own * turning - base
         sound = np.isfinite(left[:, use]).all(axis=1) if use else np.zeros(len(left), bool)
         # As many motors as demands would explain any pulses.
-        if len(use) <= rank or sound.sum() < FEWEST:
+        if len(use) <= rank or sound.sum() < COMPARISON_SETTINGS.fewest_rows:
             continue
         drawn = np.linalg.lstsq(shares[use, 4:], left[sound][:, use].T, rcond=None)[0].T
         _, miss = _signed(own[sound], base[sound] + drawn @ shares[:, 4:].T, tuple(turning.tolist()))
@@ -329,11 +353,17 @@ def _signed(own: Array, wanted: Array, given: Sequence[float]) -> tuple[tuple[fl
     """Direction of each motor (that which is given, else the one that fits better), and what is left, us."""
     signs, misses = [], []
     for k, stated in enumerate(given):
-        rows = np.isfinite(own[:, k]) & np.isfinite(wanted[:, k]) & (np.abs(wanted[:, k]) < _UNLIMITED)
+        rows = (
+            np.isfinite(own[:, k])
+            & np.isfinite(wanted[:, k])
+            & (np.abs(wanted[:, k]) < SETTINGS.unlimited_share)
+        )
         left = {
-            sign: float(np.percentile(np.abs(own[rows, k] - sign * wanted[rows, k]), _ROWS_IN_FIVE))
+            sign: float(
+                np.percentile(np.abs(own[rows, k] - sign * wanted[rows, k]), SETTINGS.judged_percentile)
+            )
             for sign in ((stated,) if stated else (1.0, -1.0))
-            if rows.sum() >= FEWEST
+            if rows.sum() >= COMPARISON_SETTINGS.fewest_rows
         }
         sign = min(left, key=lambda each: left[each], default=stated or 1.0)
         signs.append(sign)
@@ -410,7 +440,7 @@ def _cause(quantity: Quantity, k: int, output: int, replayed: Array) -> str:
     name = f"output {output + 1}"
 
     def follows(other: Array) -> bool:
-        return bool(np.percentile(np.abs(logged - other[rows]), _ROWS_IN_FIVE) <= limit)
+        return bool(np.percentile(np.abs(logged - other[rows]), SETTINGS.judged_percentile) <= limit)
 
     if not (logged > 0.0).any():
         return f"{name} carries no pulse"

@@ -176,10 +176,7 @@ class ParameterFile:
 def generation(names: Iterable[str], source: str = "parameters") -> str:
     """Generation of ArduSub that has these names; empty where they are of all of them.
 
-    Raises
-    ------
-    TrialError
-        They are of more than one.
+    Raises `TrialError`: they are of more than one.
 
     Examples
     --------

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.ardusub.course import CHANNELS, ROW_S, Cases, Course, Rig, fly_course
+from seatrial.ardusub.course import CHANNELS, COURSE_SETTINGS, Cases, Course, Rig, fly_course
 from seatrial.base.arrays import Array
 from seatrial.base.plain import Plain
 
@@ -25,20 +25,30 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.identification.fitted import Fitted
 
-ACCEPTED_OUTSIDE = 0.1
-"""Share of the held-out rows outside an envelope of 95 % that still counts as inside."""
 
-_LEVEL = 0.95  # share of the drawn flights inside an envelope
-_WANDERS_S = (0.3, 1.0, 3.0)  # time constants of the wandering wrench that are tried
+@dataclass(frozen=True)
+class ReflightSettings:
+    """How the unknown of a flight is drawn, and how many rows must lie inside."""
+
+    #: Share of the held-out rows outside an envelope of 95 % that still counts as inside.
+    accepted_outside_share: float = 0.1
+    envelope_share: float = 0.95  #: Share of the drawn flights inside an envelope.
+    #: Time constants of the wandering wrench that are tried, s.
+    wander_times_s: tuple[float, float, float] = (0.3, 1.0, 3.0)
+    probe_step_m_s: float = 0.05  #: Step of the current that is tried, m/s.
+    #: Time after the beginning of a course at which the unknown past no longer counts, s.
+    settle_s: float = 3.0
+    #: Standard deviation of the current: m/s, and a share of the current.
+    current_sd: tuple[float, float] = (0.02, 0.2)
+
+
+REFLIGHT_SETTINGS = ReflightSettings()
+
 _PROBES = np.array([0.0, 0.0, 1.0, 0.2, 0.2, 0.2])  # N, N m: steps of the steady wrench
-_PROBE_M_S = 0.05  # step of the current
 _UNIT_WANDER = np.array([2.0, 2.0, 2.0, 0.3, 0.3, 0.3])  # N, N m: with which its effect is found
 
 _DRIVES = {"roll": (3,), "pitch": (4,), "yaw": (5,), "depth": (2,), "north": (0, 1), "east": (0, 1)}
 """Axes of the wrench that move a loop error most."""
-
-_SETTLES_S = 3.0  # after the beginning of a course, when the unknown past no longer counts
-_CURRENT_SD = (0.02, 0.2)  # m/s, and share of the current
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,13 +81,13 @@ class Envelope:
     @property
     def outside(self) -> Any:
         """Rows (n,) whose measurement is outside; without the first seconds of the course."""
-        settled = self.t >= self.t[0] + _SETTLES_S
+        settled = self.t >= self.t[0] + REFLIGHT_SETTINGS.settle_s
         return settled & ((self.measured < self.lower) | (self.measured > self.upper))
 
     @property
     def counted(self) -> Any:
         """Rows (n,) that count."""
-        return self.t >= self.t[0] + _SETTLES_S
+        return self.t >= self.t[0] + REFLIGHT_SETTINGS.settle_s
 
 
 @dataclass(frozen=True)
@@ -111,7 +121,7 @@ class Share(
     def inside(self) -> bool:
         """Whether the error of the held-out part (of the fit where nothing is held out) is inside."""
         share = self.fit if np.isnan(self.held_out) else self.held_out
-        return bool(share <= ACCEPTED_OUTSIDE)
+        return bool(share <= REFLIGHT_SETTINGS.accepted_outside_share)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +177,10 @@ def refly(
     `parameters` are those the log was flown with; nothing is fitted to its times `hold_out_s`, s.
     """
     first, last = hold_out_s or (np.inf, np.inf)
-    fits = [~course.between(first, last) & (course.t >= course.t[0] + _SETTLES_S) for course in courses]
+    fits = [
+        ~course.between(first, last) & (course.t >= course.t[0] + REFLIGHT_SETTINGS.settle_s)
+        for course in courses
+    ]
     work = _Calibration(fitted.vehicle, courses, fits, dict(parameters), threads)
     say(0.0, "steady wrench and current")
     rig, current = work.steady(rig)
@@ -176,7 +189,7 @@ def refly(
     say(0.2, "wandering wrench")
     rig, wander = work.wander(rig, current, few, seed)
     rng = np.random.default_rng(seed)
-    sd = _CURRENT_SD[0] + _CURRENT_SD[1] * np.hypot(*current[:2])
+    sd = REFLIGHT_SETTINGS.current_sd[0] + REFLIGHT_SETTINGS.current_sd[1] * np.hypot(*current[:2])
     currents = current + rng.normal(size=(flights, 3)) * np.array([sd, sd, 0.0])
     cases = Cases.of(flights, seed=seed, coefficients=drawn, current=currents, wander=wander)
     envelopes: list[Envelope] = []
@@ -189,7 +202,15 @@ def refly(
             if channel not in course.measured:
                 continue
             sound = np.where(np.isfinite(values), values, np.inf)
-            lower, middle, upper = np.quantile(sound, [0.5 - 0.5 * _LEVEL, 0.5, 0.5 + 0.5 * _LEVEL], axis=0)
+            lower, middle, upper = np.quantile(
+                sound,
+                [
+                    0.5 - 0.5 * REFLIGHT_SETTINGS.envelope_share,
+                    0.5,
+                    0.5 + 0.5 * REFLIGHT_SETTINGS.envelope_share,
+                ],
+                axis=0,
+            )
             envelopes.append(
                 Envelope(
                     course.name, channel, CHANNELS[channel][0], course.t, course.measured[channel], lower,
@@ -240,7 +261,7 @@ class _Calibration:
         known = [course for course, fit in zip(self.courses, self.fits, strict=True) if fit.any()]
         place = any(course.channels[-1] == "east" for course in known)
         x = np.zeros(6)  # Z, K, M, N, current north and east
-        steps = np.array([*_PROBES[2:], _PROBE_M_S, _PROBE_M_S])
+        steps = np.array([*_PROBES[2:], REFLIGHT_SETTINGS.probe_step_m_s, REFLIGHT_SETTINGS.probe_step_m_s])
         free = 6 if place else 4
         for _ in range(4):
             tried = np.vstack([x, *(x + np.eye(6)[i] * steps[i] for i in range(free))])
@@ -284,7 +305,7 @@ class _Calibration:
         beside it, and as quick.
         """
         quickest: list[tuple[float, Rig]] = []
-        for wander_s in _WANDERS_S:
+        for wander_s in REFLIGHT_SETTINGS.wander_times_s:
             tried = replace(rig, wander_s=wander_s)
             left, whole = self._beside(tried, current, drawn, seed, _UNIT_WANDER)
             miss = sum(math.log(whole[name][1] / left[name][1]) ** 2 for name in left if left[name][1] > 0.0)
@@ -306,7 +327,7 @@ class _Calibration:
         """
         k = len(next(iter(drawn.values()))) if drawn else 24
         cases = Cases.of(k, seed=seed, coefficients=drawn, current=current, wander=wander)
-        lag = round(0.3 / ROW_S)
+        lag = round(0.3 / COURSE_SETTINGS.row_s)
         sums: dict[str, Array] = {}
         for course, fit in zip(self.courses, self.fits, strict=True):
             if not fit.any():

@@ -19,7 +19,7 @@ import numpy as np
 
 from seatrial._core import ardusub_defaults
 from seatrial.ardusub.axes import SOUGHT, AxisVerdict, MarginModel, Margins, margins_of
-from seatrial.ardusub.course import ROW_S, Cases, Course, Rig, fly_course, still_targets
+from seatrial.ardusub.course import COURSE_SETTINGS, Cases, Course, Rig, fly_course, still_targets
 from seatrial.ardusub.parameters import Change
 from seatrial.base.arrays import Array
 from seatrial.control_design.corridor import Corridor
@@ -30,25 +30,38 @@ if TYPE_CHECKING:
 STEPS = ("yaw", "depth", "north")
 """Channels that step, one after the other."""
 
-_BEGINS_S, _AFTER_S = 6.0, 12.0  # the first step, and between two
 
-LENGTH_S = _BEGINS_S + len(STEPS) * _AFTER_S
+@dataclass(frozen=True)
+class ArdusubTuningSettings:
+    """Steps that a tuning for ArduSub flies, and how they are judged."""
 
-_SIZES = ((30.0, 0.5, 1.0), (60.0, -0.5, -1.0), (-90.0, 0.3, 2.0), (-45.0, -0.3, -2.0))  # deg, m, m
+    first_step_s: float = 6.0  #: Time of the first step, s.
+    between_steps_s: float = 12.0  #: Time between two steps, s.
+    #: Sizes of the steps: deg of yaw, m of depth, m of place.
+    step_sizes: tuple[tuple[float, float, float], ...] = (
+        (30.0, 0.5, 1.0),
+        (60.0, -0.5, -1.0),
+        (-90.0, 0.3, 2.0),
+        (-45.0, -0.3, -2.0),
+    )
+    rise_step_deg: float = 60.0  #: Step whose rise is measured, deg.
+    #: Rate at which a yaw target turns, deg/s: the default of ``ATC_RATE_WPY_MAX``.
+    slew_rate_deg_s: float = 60.0
+    target_speed_m_s: float = 0.4  #: Speed of a target that moves, m/s.
+    #: Acceleration of a target that moves, m/s2: the default of PILOT_ACC_Z.
+    target_acceleration_m_s2: float = 1.0
+    shortest_rise_s: float = 0.4  #: Shortest rise time that a corridor asks for, s: four rows of a response.
+    tail_share: float = 0.1  #: Share of the missions, the worst, that the search looks at.
+    #: Violation that stands for a response that diverged: worse than any other.
+    diverged_violation: float = 1e3
 
-SIZES_DEG = tuple(size for size, _, _ in _SIZES)
+
+ARDUSUB_TUNING_SETTINGS = ArdusubTuningSettings()
+
+LENGTH_S = ARDUSUB_TUNING_SETTINGS.first_step_s + len(STEPS) * ARDUSUB_TUNING_SETTINGS.between_steps_s
+
+SIZES_DEG = tuple(size for size, _, _ in ARDUSUB_TUNING_SETTINGS.step_sizes)
 """Steps of yaw of the courses, deg."""
-
-_RISE_DEG = 60.0  # the step whose rise is measured
-
-SLEW_DEG_S = 60.0
-"""Rate at which a yaw target turns, deg/s: the default of ``ATC_RATE_WPY_MAX``."""
-
-_SPEED_M_S = 0.4  # of a target that moves
-_ACCELERATION_M_S2 = 1.0  # of a target that moves: the default of PILOT_ACC_Z
-_SHORTEST_RISE_S = 0.4  # that a corridor asks for: four rows of a response
-_TAIL = 0.1  # share of the missions that the search looks at
-_LARGE = 1e3  # stands for a response that diverged: worse than any other
 
 
 @dataclass(frozen=True)
@@ -164,22 +177,35 @@ class Tuned:
 
 
 def step_courses(
-    channels: Sequence[str], rise_s: float, *, period_s: float, slew_deg_s: float = SLEW_DEG_S
+    channels: Sequence[str],
+    rise_s: float,
+    *,
+    period_s: float,
+    slew_deg_s: float = ARDUSUB_TUNING_SETTINGS.slew_rate_deg_s,
 ) -> tuple[tuple[Course, tuple[Step, ...]], ...]:
     """Courses of four sizes that step some of yaw, depth and north, and their steps.
 
     `rise_s` is that of a step of yaw of 60 deg, see `rise_of`; a yaw target turns by `slew_deg_s`.
     """
-    every = round(ROW_S / period_s)
+    every = round(COURSE_SETTINGS.row_s / period_s)
     own = tuple(name for name in STEPS if name in channels)
-    n = round((_BEGINS_S + len(own) * _AFTER_S) / ROW_S) * every
+    n = (
+        round(
+            (ARDUSUB_TUNING_SETTINGS.first_step_s + len(own) * ARDUSUB_TUNING_SETTINGS.between_steps_s)
+            / COURSE_SETTINGS.row_s
+        )
+        * every
+    )
     t: Array = np.asarray(period_s * np.arange(n), float)
     made = []
-    for sizes in _SIZES:
+    for sizes in ARDUSUB_TUNING_SETTINGS.step_sizes:
         targets, steps = still_targets(n), []
         corridors = corridors_of(rise_s, size_deg=sizes[0], slew_deg_s=slew_deg_s)
         for i, channel in enumerate(own):
-            at, size = _BEGINS_S + i * _AFTER_S, sizes[STEPS.index(channel)]
+            at, size = (
+                ARDUSUB_TUNING_SETTINGS.first_step_s + i * ARDUSUB_TUNING_SETTINGS.between_steps_s,
+                sizes[STEPS.index(channel)],
+            )
             steps.append(Step(channel, at, size, corridors[channel]))
             if channel == "yaw":
                 targets[:, 2] = np.where(t >= at, math.radians(size), 0.0)
@@ -200,11 +226,14 @@ def _moved(since: Array, size: float) -> tuple[Array, Array, Array]:
 
     It speeds up, moves on and slows down; a short way is over before it is at full speed.
     """
-    speed = min(_SPEED_M_S, math.sqrt(_ACCELERATION_M_S2 * abs(size)))
-    ramp = speed / _ACCELERATION_M_S2
+    speed = min(
+        ARDUSUB_TUNING_SETTINGS.target_speed_m_s,
+        math.sqrt(ARDUSUB_TUNING_SETTINGS.target_acceleration_m_s2 * abs(size)),
+    )
+    ramp = speed / ARDUSUB_TUNING_SETTINGS.target_acceleration_m_s2
     lasts = abs(size) / speed + ramp
     up, down = np.clip(since, 0.0, ramp), np.clip(since - (lasts - ramp), 0.0, ramp)
-    sign = math.copysign(_ACCELERATION_M_S2, size)
+    sign = math.copysign(ARDUSUB_TUNING_SETTINGS.target_acceleration_m_s2, size)
     within = (since >= 0.0) & (since < lasts)
     acceleration = sign * (within & (since < ramp)) - sign * (within & (since >= lasts - ramp))
     steady = np.clip(since - ramp, 0.0, lasts - 2.0 * ramp)
@@ -213,7 +242,10 @@ def _moved(since: Array, size: float) -> tuple[Array, Array, Array]:
 
 
 def corridors_of(
-    rise_s: float, *, size_deg: float = _RISE_DEG, slew_deg_s: float = SLEW_DEG_S
+    rise_s: float,
+    *,
+    size_deg: float = ARDUSUB_TUNING_SETTINGS.rise_step_deg,
+    slew_deg_s: float = ARDUSUB_TUNING_SETTINGS.slew_rate_deg_s,
 ) -> dict[str, Corridor]:
     """Corridors of the steps: yaw has risen by `rise_s`; depth and place follow a target that moves.
 
@@ -226,8 +258,12 @@ def corridors_of(
         )
         for name, rise in (("depth", 5.5), ("north", 8.0))
     }
-    more = 0.9 * (abs(size_deg) - _RISE_DEG) / slew_deg_s if slew_deg_s > 0.0 else 0.0
-    rise = min(max(rise_s + more, _SHORTEST_RISE_S), 5.0)
+    more = (
+        0.9 * (abs(size_deg) - ARDUSUB_TUNING_SETTINGS.rise_step_deg) / slew_deg_s
+        if slew_deg_s > 0.0
+        else 0.0
+    )
+    rise = min(max(rise_s + more, ARDUSUB_TUNING_SETTINGS.shortest_rise_s), 5.0)
     own = Corridor.from_figures(
         rise_s=rise, overshoot=0.1, settled=0.05, settling_s=min(2.0 * rise, 10.0), until_s=11.0
     )
@@ -236,7 +272,10 @@ def corridors_of(
 
 def slew_of(parameters: Mapping[str, float]) -> float:
     """Rate at which a yaw target turns with some parameters, deg/s."""
-    slew, most = parameters.get("ATC_RATE_WPY_MAX", SLEW_DEG_S), parameters.get("ATC_RATE_Y_MAX", 0.0)
+    slew, most = (
+        parameters.get("ATC_RATE_WPY_MAX", ARDUSUB_TUNING_SETTINGS.slew_rate_deg_s),
+        parameters.get("ATC_RATE_Y_MAX", 0.0),
+    )
     return min(slew, most) if most > 0.0 else slew
 
 
@@ -292,7 +331,9 @@ def fly_missions(
                 fly_course(fitted.vehicle, rig, course, given, cases=cases.take(own), threads=threads)
             )
             for step in steps:
-                rows = course.between(step.at_s - 1e-6, step.at_s + _AFTER_S - 1e-6)
+                rows = course.between(
+                    step.at_s - 1e-6, step.at_s + ARDUSUB_TUNING_SETTINGS.between_steps_s - 1e-6
+                )
                 since = course.t[rows] - step.at_s
                 response = _normalised(step, errors[step.channel], course)[:, rows]
                 violations[step.channel][own] = _violation(step.corridor, since, response)
@@ -302,7 +343,11 @@ def fly_missions(
             say(done / len(cases))
     bands = {
         name: np.quantile(
-            np.where(np.isfinite(pooled := np.concatenate(parts)), pooled, _LARGE),
+            np.where(
+                np.isfinite(pooled := np.concatenate(parts)),
+                pooled,
+                ARDUSUB_TUNING_SETTINGS.diverged_violation,
+            ),
             [0.0, 0.025, 0.5, 0.975, 1.0],
             axis=0,
         )
@@ -327,14 +372,18 @@ def _normalised(step: Step, errors: Array, course: Course) -> Array:
 def _violation(corridor: Corridor, since: Array, response: Array) -> Array:
     """Time integral (k,) of what is outside, s."""
     lower, upper = corridor.sampled(since)
-    sound = np.where(np.isfinite(response), response, _LARGE)
+    sound = np.where(np.isfinite(response), response, ARDUSUB_TUNING_SETTINGS.diverged_violation)
     below, above = np.maximum(lower - sound, 0.0), np.maximum(sound - upper, 0.0)
-    return np.asarray((corridor.weight_lower * below + corridor.weight_upper * above).sum(axis=1) * ROW_S)
+    return np.asarray(
+        (corridor.weight_lower * below + corridor.weight_upper * above).sum(axis=1) * COURSE_SETTINGS.row_s
+    )
 
 
 def rise_of(fitted: Fitted, rig: Rig, parameters: Mapping[str, float], *, period_s: float) -> float:
     """Time after which yaw has risen by 90 % of a step of 60 deg, s: nominal vehicle, still water."""
-    course, steps = step_courses(("yaw",), 2.0, period_s=period_s)[SIZES_DEG.index(_RISE_DEG)]
+    course, steps = step_courses(("yaw",), 2.0, period_s=period_s)[
+        SIZES_DEG.index(ARDUSUB_TUNING_SETTINGS.rise_step_deg)
+    ]
     still = replace(rig, noise=(0.0, 0.0))
     errors = course.errors(fly_course(fitted.vehicle, still, course, parameters, cases=Cases.of(1)))
     response = _normalised(steps[0], errors["yaw"], course)[0]
@@ -395,14 +444,23 @@ def tune_parameters(
             )
             total = np.zeros(len(mine))
             for step in steps:
-                rows = course.between(step.at_s - 1e-6, step.at_s + _AFTER_S - 1e-6)
+                rows = course.between(
+                    step.at_s - 1e-6, step.at_s + ARDUSUB_TUNING_SETTINGS.between_steps_s - 1e-6
+                )
                 response = _normalised(step, errors[step.channel], course)[:, rows]
                 total += _violation(step.corridor, course.t[rows] - step.at_s, response)
                 total += (
-                    0.01 * np.abs(np.where(np.isfinite(response), response, _LARGE) - 1.0).sum(axis=1) * ROW_S
+                    0.01
+                    * np.abs(
+                        np.where(np.isfinite(response), response, ARDUSUB_TUNING_SETTINGS.diverged_violation)
+                        - 1.0
+                    ).sum(axis=1)
+                    * COURSE_SETTINGS.row_s
                 )
             violation.reshape(-1)[mine] = total
-        worst = np.sort(violation, axis=1)[:, -max(round(_TAIL * count), 1) :].mean(axis=1)
+        worst = np.sort(violation, axis=1)[
+            :, -max(round(ARDUSUB_TUNING_SETTINGS.tail_share * count), 1) :
+        ].mean(axis=1)
         lacking = []
         for row in values.tolist():
             tried = {**start, **dict(zip(names, row, strict=True))}

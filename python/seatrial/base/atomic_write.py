@@ -56,20 +56,10 @@ def writing(
 def write_atomic(path: Path, content: bytes | Callable[[Path], None], *, new: bool = False) -> None:
     """Write a file whole or not at all.
 
-    Parameters
-    ----------
-    path : Path
-    content : bytes or callable
-        What stands in it, or what writes it to a path: for a file that memory may not hold.
-    new : bool, optional
-        Whether a file of that name is left alone: of several writers at a time one wins.
-
-    Raises
-    ------
-    FileExistsError
-        There is a file of that name, and it was to be new.
-    OSError
-        It cannot be written; the former file of that name is still there.
+    `content`: what stands in it, or what writes it to a path: for a file that memory may not hold; `new`:
+    whether a file of that name is left alone: of several writers at a time one wins. Raises
+    `FileExistsError`: there is a file of that name, and it was to be new. Raises `OSError`: it cannot be
+    written; the former file of that name is still there.
     """
     # A name of this process: two writers of one file do not write into the same part.
     partial = path.with_name(f"{path.name}.{os.getpid()}.writing")
@@ -166,10 +156,7 @@ _worked: int | None = None
 def before_table() -> None:
     """Refuse to read or write a table in a child of a process that did so before it forked.
 
-    Raises
-    ------
-    SeatrialError
-        This process is such a child.
+    Raises `SeatrialError`: this process is such a child.
     """
     global _worked
     if _worked is None:
@@ -189,10 +176,7 @@ _LONGEST = 240  # file systems take 255 bytes, and ".partial" is appended
 def only_user(folder: str | Path) -> Iterator[None]:
     """Hold the lock on a folder that gets files but is no run directory, as of figures or of command files.
 
-    Raises
-    ------
-    SeatrialError
-        Another process works in it, or its lock cannot be written.
+    Raises `SeatrialError`: another process works in it, or its lock cannot be written.
     """
     path = absolute(folder)
     refuse_name(path)
@@ -216,10 +200,7 @@ def lock(run: Path) -> tuple[int, Path, int]:
     The operating system frees the lock when its process ends, however it ends. A lock file that nobody holds
     is stale and is taken over.
 
-    Raises
-    ------
-    SeatrialError
-        Another run holds it.
+    Raises `SeatrialError`: another run holds it.
     """
     file = run.with_name(f"{run.name}.lock")
     while True:

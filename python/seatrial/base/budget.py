@@ -180,26 +180,11 @@ def guarded(
 ) -> Iterator[None]:
     """Hold a block that reads what a stranger wrote to a budget, and make one sentence of what it raises.
 
-    Parameters
-    ----------
-    source
-        The file, for messages.
-    doing
-        What the block does: "reading this PX4 ULog".
-    remedy
-        What to do where it fails.
-    size
-        Bytes of the file, or of all that is read.
-    budget
-        Its limits; the usual ones when omitted.
-    refusal
-        Kind of the error.
-
-    Raises
-    ------
-    SeatrialError
-        Of the kind `refusal`: the budget is spent, or the block raised an error that is none of ours, which
-        is the cause of this one. Our own errors and those of a stream that takes no more pass.
+    `source`: the file, for messages; `doing`: what the block does: "reading this PX4 ULog"; `remedy`: what to
+    do where it fails; `size`: bytes of the file, or of all that is read; `budget`: its limits; the usual ones
+    when omitted; `refusal`: kind of the error. Raises `SeatrialError`: of the kind `refusal`: the budget is
+    spent, or the block raised an error that is none of ours, which is the cause of this one. Our own errors
+    and those of a stream that takes no more pass.
     """
     meter = _Meter(budget or Budget(), size)
     meters = _METERS.__dict__.setdefault("all", [])

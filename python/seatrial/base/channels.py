@@ -85,10 +85,7 @@ def _registry() -> Any:
 def unit_factor(unit: str, wanted: tuple[str, ...], where: str) -> float:
     """Factor that turns a number in `unit` into one in that of the `wanted` units which has its dimension.
 
-    Raises
-    ------
-    TrialError
-        If the unit is unknown or has another dimension; the message begins with `where`.
+    Raises `TrialError`: if the unit is unknown or has another dimension; the message begins with `where`.
 
     Examples
     --------

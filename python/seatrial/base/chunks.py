@@ -47,8 +47,17 @@ V = TypeVar("V")
 RECORDS = "chunks.json"
 """File of a run directory with the record of every chunk."""
 
-_ATTEMPTS = 5  # of a chunk whose workers are lost: it may be what kills them
-_OVER = 2  # chunks under way per worker: one that works, one that waits beside it
+
+@dataclass(frozen=True)
+class ChunkSettings:
+    """How chunks of work go to workers."""
+
+    most_attempts: int = 5  #: Attempts at a chunk whose workers are lost: it may be what kills them.
+    #: Chunks under way per worker: one that is worked on, one that waits beside it.
+    chunks_per_worker: int = 2
+
+
+SETTINGS = ChunkSettings()
 
 
 class Shared:
@@ -61,10 +70,7 @@ class Shared:
     def packed(self) -> bytes:
         """The value as bytes.
 
-        Raises
-        ------
-        SeatrialError
-            It cannot leave this process.
+        Raises `SeatrialError`: it cannot leave this process.
         """
         try:
             return pickle.dumps(self.value, protocol=pickle.HIGHEST_PROTOCOL)
@@ -166,24 +172,11 @@ def run_chunks(
 ) -> Generator[Done[V], None, None]:
     """Chunks that are done, in their order; each is kept before it is given.
 
-    Parameters
-    ----------
-    chunks : iterable of Chunk
-        Asked for one by one, as far as workers are free.
-    run : RunDirectory
-        Where results are kept and found again.
-    form : Format
-    fleet : Fleet, optional
-        Where to work; in this process when omitted.
-    here : callable, optional
-        The result of a chunk in this process, where its function is not told all (progress, for example).
-    waiting : callable, optional
-        Called twice a second while a fleet works; it may raise KeyboardInterrupt.
-
-    Raises
-    ------
-    SeatrialError
-        What a chunk refuses; or workers are lost again and again. What was finished before is kept.
+    `chunks`: asked for one by one, as far as workers are free; `run`: where results are kept and found again;
+    `fleet`: where to work; in this process when omitted; `here`: the result of a chunk in this process, where
+    its function is not told all (progress, for example); `waiting`: called twice a second while a fleet
+    works; it may raise KeyboardInterrupt. Raises `SeatrialError`: what a chunk refuses; or workers are lost
+    again and again. What was finished before is kept.
     """
     if fleet is None:
         for chunk in chunks:
@@ -198,10 +191,7 @@ def run_chunks(
 def work(asked: str, function: Callable[..., V], packed: bytes, arguments: tuple[Any, ...]) -> Answer[V]:
     """Answer to a chunk in a process that was sent one.
 
-    Raises
-    ------
-    SeatrialError
-        Another version of seatrial is installed here.
+    Raises `SeatrialError`: another version of seatrial is installed here.
     """
     if (installed := version("seatrial")) != asked:
         raise SeatrialError(
@@ -302,7 +292,7 @@ class _Window(Generic[V]):
 
     def _fill(self) -> None:
         """Take chunks up or send them off until the workers are busy."""
-        room = _OVER * max(self.fleet.slots, 1)
+        room = SETTINGS.chunks_per_worker * max(self.fleet.slots, 1)
         while not self.exhausted and self.asked - self.given < 2 * room and len(self.pending) < room:
             try:
                 place, chunk = next(self.chunks)
@@ -320,10 +310,10 @@ class _Window(Generic[V]):
 
     def _send(self, place: int, chunk: Chunk[V]) -> None:
         attempt = self.attempts[place] = self.attempts.get(place, 0) + 1
-        if attempt > _ATTEMPTS:
+        if (most := SETTINGS.most_attempts) < attempt:
             raise SeatrialError(
-                f"{chunk.part}: its worker was lost {_ATTEMPTS} times, perhaps because of this part (out"
-                " of memory?); finished parts are kept; run without an executor (without --dask) to see why"
+                f"{chunk.part}: its worker was lost {most} times, perhaps because of this part (out of"
+                " memory?); finished parts are kept; run without an executor (without --dask) to see why"
             )
         function, arguments = chunk.order()
         self.pending[self.fleet.submit(chunk.name, attempt, function, *arguments)] = (place, chunk)

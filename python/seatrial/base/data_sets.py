@@ -111,19 +111,9 @@ def get(
 ) -> dict[Path, bool]:
     """Files of a data set in the data folder, and whether each was fetched; True if so.
 
-    Parameters
-    ----------
-    name
-        A name in `DATA_SETS`.
-    source
-        URL under which a mirror has ``<folder>/<file>``, instead of the original source.
-    begin
-        Called with each file before it is fetched.
-
-    Raises
-    ------
-    TrialError
-        There is no such set, a file that is there is another one, or one cannot be fetched as it should be.
+    `name`: a name in `DATA_SETS`; `source`: URL under which a mirror has ``<folder>/<file>``, instead of the
+    original source; `begin`: called with each file before it is fetched. Raises `TrialError`: there is no
+    such set, a file that is there is another one, or one cannot be fetched as it should be.
     """
     if name not in DATA_SETS:
         raise TrialError(f'data: there is no data set "{name}"{nearest(name, DATA_SETS)}')

@@ -52,23 +52,10 @@ def check_place(
 ) -> None:
     """Refuse the place of a file to be written, before the work whose result it gets.
 
-    Parameters
-    ----------
-    path : Path
-    option : str
-        That named it, for messages.
-    endings : sequence of str, optional
-        That it may have; any when empty.
-    inputs : mapping of str to str, Path or None, optional
-        What the work reads, by what it is ("the commands"): it is not overwritten. Names of what is built in
-        are left out.
-    folder_made : bool, optional
-        Whether the writer makes the folder.
-
-    Raises
-    ------
-    SeatrialError
-        The ending is another one, the file is read by the work, it is a folder, or cannot be written there.
+    `option`: that named it, for messages. `endings`: that it may have; any when empty. `inputs`: what the
+    work reads, by what it is ("the commands"): it is not overwritten. Names of what is built in are left out.
+    `folder_made`: whether the writer makes the folder. Raises `SeatrialError`: the ending is another one, the
+    file is read by the work, it is a folder, or cannot be written there.
     """
     if endings and path.suffix not in endings:
         raise SeatrialError(
@@ -129,10 +116,7 @@ def content_inside(folder: Path, path: Path, *, most: int) -> bytes:
     A link may lead to another file of the folder. What a page takes from a folder goes to whom it is sent, so
     no link leads out of it; a device or a pipe would never end.
 
-    Raises
-    ------
-    SeatrialError
-        It is none, is larger, lies elsewhere, or cannot be read.
+    Raises `SeatrialError`: it is none, is larger, lies elsewhere, or cannot be read.
     """
     try:
         place = path.resolve(strict=True)

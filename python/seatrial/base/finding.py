@@ -186,10 +186,7 @@ class Fallbacks:
     def add(self, step: str, error: BaseException, *, of: str = "") -> None:
         """Keep the finding on an error; raise the error where it is no failure of numbers or data.
 
-        Raises
-        ------
-        BaseException
-            The error itself.
+        Raises `BaseException`: the error itself.
         """
         # Not every SeatrialError: a folder that cannot be written or a lost worker fails no step.
         refused = isinstance(error, CampaignError | SimulationError | TrialError | VehicleError)

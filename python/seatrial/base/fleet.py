@@ -19,6 +19,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, InvalidStateError
+from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
@@ -26,10 +27,19 @@ from seatrial.base.errors import SeatrialError
 
 LOCAL = "local"
 
-_CONNECT_S = 10.0  # for a scheduler to answer the first call: longer than a slow network takes
-_PATIENCE_S = 300.0  # for a scheduler that is started again
-_LOOK_S = 1.0  # between two looks at the workers: each asks the scheduler
-_ANSWER_S = 5.0  # for a scheduler that answered before
+
+@dataclass(frozen=True)
+class FleetSettings:
+    """How long a scheduler of other machines may take."""
+
+    #: Longest time for a scheduler to answer the first call, s: longer than a slow network takes.
+    connect_s: float = 10.0
+    restart_s: float = 300.0  #: Longest time for a scheduler that is started again, s.
+    look_interval_s: float = 1.0  #: Time between two looks at the workers, s: each asks the scheduler.
+    answer_s: float = 5.0  #: Longest time for a scheduler that answered before, s.
+
+
+SETTINGS = FleetSettings()
 
 Tell = Callable[[str], None]
 
@@ -80,16 +90,8 @@ def threads_of(threads: int | None, executor: Any) -> int | None:
 def fleet_of(executor: Any, *, tell: Tell | None = None) -> Iterator[Fleet | None]:
     """The fleet that an argument ``executor`` names; what is started for it is stopped at the end.
 
-    Parameters
-    ----------
-    executor : Executor, str, distributed.Client, Fleet or None
-    tell : callable, optional
-        Told a sentence when a worker or the scheduler is lost; a warning of the logger "seatrial" by default.
-
-    Raises
-    ------
-    SeatrialError
-        It names none, Dask is not installed, or no scheduler answers.
+    `tell`: told a sentence when a worker or the scheduler is lost; a warning of the logger "seatrial" by
+    default. Raises `SeatrialError`: it names none, Dask is not installed, or no scheduler answers.
     """
     report = tell or logging.getLogger("seatrial").warning
     client = getattr(executor, "_client", executor)  # the executor that a Dask client gives
@@ -258,7 +260,7 @@ class _DaskFleet(Fleet):
     def _alive(self) -> bool:
         if self._client.status != "running":
             return False
-        if time.monotonic() - self._looked < _LOOK_S:
+        if time.monotonic() - self._looked < SETTINGS.look_interval_s:
             return True
         workers, self._looked = self._look(), time.monotonic()
         if workers is None:
@@ -270,11 +272,12 @@ class _DaskFleet(Fleet):
         return True
 
     def _recover(self) -> None:
+        patience = SETTINGS.restart_s
         self._tell(
-            f"Dask scheduler {self._address} is lost: waiting up to {_PATIENCE_S:.0f} s for it. Finished"
-            " parts are kept."
+            f"Dask scheduler {self._address} is lost: waiting up to {patience:.0f} s for it. Finished parts"
+            " are kept."
         )
-        end = time.monotonic() + _PATIENCE_S
+        end = time.monotonic() + patience
         while True:
             self.close()
             try:
@@ -283,7 +286,7 @@ class _DaskFleet(Fleet):
             except SeatrialError:
                 if time.monotonic() > end:
                     raise
-                time.sleep(_LOOK_S)
+                time.sleep(SETTINGS.look_interval_s)
         self._workers = self._look() or {}
         self._idle = False
         if self._workers:
@@ -293,13 +296,13 @@ class _DaskFleet(Fleet):
     def close(self) -> None:
         """Leave the cluster."""
         with contextlib.suppress(Exception):
-            self._client.close(timeout=_ANSWER_S)
+            self._client.close(timeout=SETTINGS.answer_s)
 
     def _look(self) -> dict[str, int] | None:
         """Threads by address of every worker; None where the scheduler does not answer."""
         try:
             threads = self._client.sync(
-                self._client.scheduler.ncores, workers=None, callback_timeout=_ANSWER_S
+                self._client.scheduler.ncores, workers=None, callback_timeout=SETTINGS.answer_s
             )
         except Exception:
             return None
@@ -318,13 +321,10 @@ class _DaskFleet(Fleet):
 def _connected(address: str) -> Any:
     """Client of a scheduler.
 
-    Raises
-    ------
-    SeatrialError
-        None answers there.
+    Raises `SeatrialError`: none answers there.
     """
     try:
-        return import_module("distributed").Client(address, timeout=_CONNECT_S, set_as_default=False)
+        return import_module("distributed").Client(address, timeout=SETTINGS.connect_s, set_as_default=False)
     except (OSError, ValueError, RuntimeError, TypeError) as error:
         raise SeatrialError(
             f"executor {address}: no Dask scheduler answers there ({error}); start one (dask scheduler), or"

@@ -146,10 +146,7 @@ def _names(frame: str) -> list[str]:
 def body_matrix(frame: str, where: str) -> Array:
     """Matrix (3, 3) from the body frame of that name to FRD.
 
-    Raises
-    ------
-    TrialError
-        If it is no body frame; the message begins with `where`.
+    Raises `TrialError`: if it is no body frame; the message begins with `where`.
     """
     names = _names(frame)
     if len(names) == 1 and names[0] in _BODY:
@@ -160,10 +157,7 @@ def body_matrix(frame: str, where: str) -> Array:
 def earth_matrix(frame: str, where: str) -> Array:
     """Matrix (3, 3) from the earth frame of that name to NED; "FLU" is taken as its earth frame, NWU.
 
-    Raises
-    ------
-    TrialError
-        If it is no earth frame; the message begins with `where`.
+    Raises `TrialError`: if it is no earth frame; the message begins with `where`.
     """
     names = _names(frame)
     if len(names) == 1:
@@ -183,10 +177,7 @@ def attitude_to_ned(q: Array, frame: str, where: str) -> Array:
 
     One name implies its usual partner: "FLU" and "NWU" are "FLU/NWU", "ENU" is "FLU/ENU".
 
-    Raises
-    ------
-    TrialError
-        If the name is unknown; the message begins with `where`.
+    Raises `TrialError`: if the name is unknown; the message begins with `where`.
     """
     names = _names(frame)
     if len(names) == 1 and names[0] in _PARTNER:

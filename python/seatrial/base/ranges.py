@@ -13,15 +13,20 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-LONGEST_LIST = 2_000
-"""Most entries of a list or a table."""
+
+@dataclass(frozen=True)
+class TextLimits:
+    """How long and how deep the text of a file may be."""
+
+    most_entries: int = 2_000  #: Most entries of a list or a table: more is no file that a person wrote.
+    most_characters: int = 4_096  #: Most characters of a text: the longest path on Linux (PATH_MAX).
+    most_depth: int = 20  #: Most tables within each other: our deepest file has five.
+
+
+LIMITS = TextLimits()
 
 LONGEST = {"name": 200, "label": 200, "description": 20_000}
-"""Most characters of the text of a key; of another one, `LONGEST_TEXT`: a path, a requirement."""
-
-LONGEST_TEXT = 4_096  # characters: the longest path on Linux (PATH_MAX)
-DEEPEST = 20
-"""Most tables within each other."""
+"""Most characters of the text of a key; of another one, `most_characters`: a path, a requirement."""
 
 Where = tuple[str | int, ...]
 
@@ -178,10 +183,13 @@ def _texts(value: Any, where: Where) -> Iterator[tuple[Where, str]]:
     if isinstance(value, str):
         yield from ((where, complaint) for complaint in _text(value, str(where[-1]) if where else ""))
     elif isinstance(value, Mapping | list):
-        if len(value) > LONGEST_LIST:
-            yield where, f"expected at most {LONGEST_LIST} entries, found {len(value)}; split the file"
-        elif len(where) >= DEEPEST:
-            yield where[:3], f"expected at most {DEEPEST} tables or lists within each other; remove some"
+        if len(value) > LIMITS.most_entries:
+            yield where, f"expected at most {LIMITS.most_entries} entries, found {len(value)}; split the file"
+        elif len(where) >= LIMITS.most_depth:
+            yield (
+                where[:3],
+                f"expected at most {LIMITS.most_depth} tables or lists within each other; remove some",
+            )
         else:
             items: Iterator[tuple[Any, Any]] = iter(
                 value.items() if isinstance(value, Mapping) else enumerate(value)
@@ -195,7 +203,7 @@ def _texts(value: Any, where: Where) -> Iterator[tuple[Where, str]]:
 
 def _text(value: str, key: str) -> Iterator[str]:
     """Complaints about the text of a key; a description may have several lines."""
-    most = LONGEST.get(key, LONGEST_TEXT)
+    most = LONGEST.get(key, LIMITS.most_characters)
     allowed = "\n\r\t" if key == "description" else ""
     wrong = next((c for c in value if (ord(c) < 32 or 127 <= ord(c) < 160) and c not in allowed), None)
     if wrong is not None:

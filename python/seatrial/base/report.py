@@ -258,12 +258,8 @@ def clause_of(what: object, writer: str) -> str:
 def report_of(result: object, **options: Any) -> Report:
     """Report of a result, in the words of `seatrial.report.results`.
 
-    Parameters
-    ----------
-    result : object
-        A result of one of the classes that are named there.
-    **options
-        What the report of that class takes, such as ``truth`` of an identification.
+    `result`: a result of one of the classes that are named there; `options`: what the report of that class
+    takes, such as ``truth`` of an identification.
     """
     report: Report = writer_of(result).report(result, **options)
     return report
@@ -324,23 +320,8 @@ def text_table(
 
 
 _SHORT_WORDS = (
-    "an",
-    "as",
-    "at",
-    "by",
-    "do",
-    "if",
-    "in",
-    "is",
-    "it",
-    "no",
-    "of",
-    "on",
-    "or",
-    "so",
-    "to",
-    "up",
-)
+    "an", "as", "at", "by", "do", "if", "in", "is", "it", "no", "of", "on", "or", "so", "to", "up",
+)  # fmt: skip
 """Words of two letters that begin a sentence: no symbol of a quantity is called so."""
 
 

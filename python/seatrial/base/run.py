@@ -75,20 +75,9 @@ RUN_FILE = "run.json"
 """The file that makes a folder a run directory."""
 
 Kind = Literal[
-    "ardusub",
-    "bench test",
-    "failure boundary",
-    "falsification",
-    "flight",
-    "identification",
-    "leave one out",
-    "log verdict",
-    "plan",
-    "rare failures",
-    "replay",
-    "tuning",
-    "verification",
-]
+    "ardusub", "bench test", "failure boundary", "falsification", "flight", "identification", "leave one out",
+    "log verdict", "plan", "rare failures", "replay", "tuning", "verification",
+]  # fmt: skip
 """What ``run.json`` calls a run."""
 
 _PARTS = "stages"
@@ -370,10 +359,7 @@ class RunResult(Reported, ABC):
 def check_writable(path: str | Path, kind: Kind) -> None:
     """Refuse a run directory that a run of this kind cannot write, before a long run; nothing stays behind.
 
-    Raises
-    ------
-    SeatrialError
-        See `RunDirectory`.
+    Raises `SeatrialError`: see `RunDirectory`.
     """
     RunDirectory(path, kind).close()
 
@@ -381,17 +367,8 @@ def check_writable(path: str | Path, kind: Kind) -> None:
 def belongs_to_run(folder: Path, written: Iterable[Path]) -> None:
     """Note what was written into a published run: it goes with the run when another one replaces that.
 
-    Parameters
-    ----------
-    folder : Path
-        Run directory, or its folder of figures; nothing happens where it is neither.
-    written : iterable of Path
-        Files in it.
-
-    Raises
-    ------
-    OSError
-        The run's ``run.json`` cannot be written.
+    `folder`: run directory, or its folder of figures; nothing happens where it is neither; `written`: files
+    in it. Raises `OSError`: the run's ``run.json`` cannot be written.
     """
     run = folder.parent if folder.name == _FIGURES and not (folder / RUN_FILE).is_file() else folder
     names = {path.relative_to(run).as_posix() for path in written}
@@ -416,16 +393,7 @@ def run_facts(
 ) -> dict[str, Any]:
     """Content of ``run.json``: what a result rests on. The keys are listed at the head of this module.
 
-    Parameters
-    ----------
-    kind, name : str
-    clock : Clock
-        Started with the work.
-    inputs : mapping of str to str
-        SHA-256 by name.
-    seed : int, optional
-    options : mapping, optional
-    interrupted : bool, optional
+    `clock`: started with the work; `inputs`: SHA-256 by name.
     """
     return {
         "kind": kind,
@@ -468,10 +436,7 @@ def part_file(part: str, ending: str = ".json") -> str:
 def from_json(text: str) -> Any:
     """The data of a JSON text.
 
-    Raises
-    ------
-    ValueError
-        The text is no JSON, or is nested deeper than any file that seatrial writes.
+    Raises `ValueError`: the text is no JSON, or is nested deeper than any file that seatrial writes.
     """
     try:
         return json.loads(text)

@@ -13,6 +13,7 @@ import re
 import reprlib
 import tomllib
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self, TypeVar
@@ -68,8 +69,17 @@ class Section(BaseModel):
 
 _File = TypeVar("_File", bound=Section)
 
-_MOST_MESSAGES = 20
-"""Lines of one error: who has more mistakes than that has one, made often."""
+
+@dataclass(frozen=True)
+class FileLimits:
+    """How much of a file is read, and how much is said about it."""
+
+    most_messages: int = 20  #: Lines of one error: who has more mistakes than that has one, made often.
+    #: Most characters of a file: more takes the reader seconds, and no one writes it.
+    most_characters: int = 2_000_000
+
+
+LIMITS = FileLimits()
 
 _EXPECTED = {
     "string_type": "expected text in quotes",
@@ -88,11 +98,7 @@ _EXPECTED = {
 }
 """What was expected, by pydantic's name of the error, where its own words speak of Python."""
 
-
 _WRONG_LENGTH = "too_long"  # pydantic's name for a list of fixed length with too many entries
-
-_LARGEST_FILE = 2_000_000
-"""Characters: more takes the reader seconds, and no one writes it."""
 
 
 def text_of(
@@ -117,18 +123,12 @@ def text_of(
 def tables(text: str, source: str, *, error: type[SeatrialError] = CampaignError) -> dict[str, Any]:
     """Tables of a TOML text.
 
-    Parameters
-    ----------
-    text : str
-    source : str
-        What to call it in messages.
-    error : type
-        Raised where it is not TOML.
+    `source`: what to call it in messages; `error`: raised where it is not TOML.
     """
-    if len(text) > _LARGEST_FILE:
+    if len(text) > (most := LIMITS.most_characters):
         raise error(
-            f"{source}: expected a file of at most {_LARGEST_FILE} characters, found {len(text)}; is it the"
-            " right file?"
+            f"{source}: expected a file of at most {most} characters, found {len(text)}; is it the right"
+            " file?"
         )
     try:
         return tomllib.loads(text)
@@ -154,16 +154,8 @@ def checked(
 ) -> _File:
     """Tables as a model of a file.
 
-    Parameters
-    ----------
-    model : type
-    data : mapping
-        Of `tables`.
-    source : str
-        What to call the file in messages.
-    error : type
-        Raised for a file of another kind, an unknown key, a missing key or a value that a key may not hold;
-        all of them are listed.
+    `data`: of `tables`; `source`: what to call the file in messages; `error`: raised for a file of another
+    kind, an unknown key, a missing key or a value that a key may not hold; all of them are listed.
 
     Examples
     --------
@@ -187,9 +179,9 @@ def checked(
             if not any(len(p) > len(d["loc"]) and p[: len(d["loc"])] == d["loc"] for p in paths)
         ]
         own = _whole_lists(data, own)
-        lines = [_message(data, source, detail) for detail in own[:_MOST_MESSAGES]]
-        if len(own) > _MOST_MESSAGES:
-            lines.append(f"{source}: {len(own) - _MOST_MESSAGES} more of this kind")
+        lines = [_message(data, source, detail) for detail in own[: LIMITS.most_messages]]
+        if len(own) > LIMITS.most_messages:
+            lines.append(f"{source}: {len(own) - LIMITS.most_messages} more of this kind")
         raise error("\n".join(lines)) from None
     _refuse(data, source, number_complaints(data), error)
     return tables
@@ -199,7 +191,7 @@ def _refuse(
     data: Mapping[str, Any], source: str, complaints: Iterable[tuple[Any, str]], error: type[SeatrialError]
 ) -> None:
     """Raises the complaints, each with its key; a list does not repeat its own a thousand times."""
-    shown = list(islice(complaints, _MOST_MESSAGES))
+    shown = list(islice(complaints, LIMITS.most_messages))
     if shown:
         raise error("\n".join(f"{source}: {_key_path(data, where)}: {text}" for where, text in shown))
 
@@ -282,10 +274,7 @@ def file_path(text: str, folder: Path, where: str) -> Path:
 
     ``SEATRIAL_DATA`` is the user's cache where it is not set and `seatrial data get` has filled that.
 
-    Raises
-    ------
-    CampaignError
-        The variable is not set; the message begins with `where`.
+    Raises `CampaignError`: the variable is not set; the message begins with `where`.
     """
 
     def value(match: re.Match[str]) -> str:
@@ -331,20 +320,9 @@ def file_kind(path: str | Path) -> str | None:
 def loaded(kind: Any, source: Any, name: str | None = None) -> Any:
     """A Vehicle, Autopilot or Mission: itself, or that of a name or path.
 
-    Parameters
-    ----------
-    kind : type
-        Which of them is expected.
-    source : Vehicle, Autopilot, Mission, str or Path
-    name : str, optional
-        Of the argument in messages; the kind's own when omitted.
-
-    Raises
-    ------
-    VehicleError
-        The file cannot be read, is of another kind or not usable.
-    SimulationError
-        The source is something else.
+    `kind`: which of them is expected; `name`: of the argument in messages; the kind's own when omitted.
+    Raises `VehicleError`: the file cannot be read, is of another kind or not usable. Raises
+    `SimulationError`: the source is something else.
     """
     if isinstance(source, kind):
         return source

@@ -307,14 +307,8 @@ HERE = Work()
 def takes(**kinds: type[Any]) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Decorator of a function whose parameters of these names hold dataclasses of these kinds.
 
-    Parameters
-    ----------
-    **kinds : dataclass by parameter name
-
-    Raises
-    ------
-    TypeError
-        Of the decorated function: a keyword is a field of one of them, or an object is of another kind.
+    Raises `TypeError`: of the decorated function: a keyword is a field of one of them, or an object is of
+    another kind.
 
     Examples
     --------

@@ -26,7 +26,7 @@ from seatrial.vehicle.authority import advised_rows, commanded_rows
 from seatrial.vehicle.stability import Statics, damping_gain, growth, positive_damping, statics
 from seatrial.vehicle.steady_state import (
     KNOT_M_S,
-    TURN_SHARES,
+    STEADY_STATE_SETTINGS,
     Speed,
     Turn,
     cruise,
@@ -256,7 +256,7 @@ def _turns(vehicle: Vehicle, turning: tuple[Turn, ...]) -> list[Finding]:
         return []
     if not turning_senses(vehicle):
         return [] if rudders(vehicle) else [note("no turn")]
-    missing = len(turn_kinds(vehicle)) * len(TURN_SHARES) - len(turning)
+    missing = len(turn_kinds(vehicle)) * len(STEADY_STATE_SETTINGS.turn_shares) - len(turning)
     steady = [
         note(f"turn {turn.kind}", turn=turn)
         for turn in turning

@@ -22,14 +22,21 @@ from numpy.typing import ArrayLike
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 
-RISEN = 0.9
-"""Share of the step at which a response has risen."""
 
-_SETTLING, _UNTIL = 2.0, 2.0  # settling over rise, end over settling, where they are not given
+@dataclass(frozen=True)
+class CorridorSettings:
+    """What figures of a corridor mean where they are not given."""
+
+    risen_share: float = 0.9  #: Share of the step at which a response has risen.
+    settling_ratio: float = 2.0  #: Settling time over rise time where it is not given.
+    end_ratio: float = 2.0  #: End of the corridor over settling time where it is not given.
+    #: Times that differ by less are the same, s: 3 x 0.1 s is 0.3 s but for rounding.
+    same_time_s: float = 1e-9
+
+
+CORRIDOR_SETTINGS = CorridorSettings()
 
 _ORDERED = ("rise_s", "settling_s", "settled", "steady")
-
-_SAME_S = 1e-9  # a grid's rounding: 3 x 0.1 s is 0.3 s
 
 
 @dataclass(frozen=True)
@@ -137,9 +144,9 @@ class Corridor:
         >>> upper.round(2).tolist()
         [1.1, 1.1, 1.05, 1.03, 1.03]
         """
-        settling_s = _SETTLING * rise_s if settling_s is None else settling_s
+        settling_s = CORRIDOR_SETTINGS.settling_ratio * rise_s if settling_s is None else settling_s
         risen, settles = dead_s + rise_s, dead_s + settling_s
-        until_s = _UNTIL * settles if until_s is None else until_s
+        until_s = CORRIDOR_SETTINGS.end_ratio * settles if until_s is None else until_s
         steady = settled if steady is None else steady
         _refuse_figures(
             {"rise_s": rise_s, "settling_s": settling_s, "until_s": until_s}
@@ -159,8 +166,8 @@ class Corridor:
             lower=(
                 (0.0, -undershoot),
                 (risen, -undershoot),
-                (risen, RISEN),
-                (settles, RISEN),
+                (risen, CORRIDOR_SETTINGS.risen_share),
+                (settles, CORRIDOR_SETTINGS.risen_share),
                 (settles, 1.0 - settled),
                 (half, 1.0 - steady),
                 (until_s, 1.0 - steady),
@@ -226,25 +233,25 @@ class Corridor:
     def clock(self, t: ArrayLike) -> Array:
         """Time since the step (n,) in s that the tie-breaker weighs by: 0 before it and after ``until_s``."""
         at = np.asarray(t, dtype=float)
-        return np.where((at >= 0.0) & (at <= self.until_s + _SAME_S), at, 0.0)
+        return np.where((at >= 0.0) & (at <= self.until_s + CORRIDOR_SETTINGS.same_time_s), at, 0.0)
 
     def _side(self, points: Sequence[tuple[float, float]], at: Array, none: float) -> Array:
         if not points:
             return np.full(at.shape, none)
         times, values = np.array(points).T
-        late = at + _SAME_S
+        late = at + CORRIDOR_SETTINGS.same_time_s
         after = np.searchsorted(times, late, side="right")
         low, high = np.maximum(after - 1, 0), np.minimum(after, len(times) - 1)
         span = times[high] - times[low]
         share = np.clip((at - times[low]) / np.where(span > 0.0, span, 1.0), 0.0, 1.0)
         bound = values[low] + share * (values[high] - values[low])
-        return np.where((after > 0) & (at <= self.until_s + _SAME_S), bound, none)
+        return np.where((after > 0) & (at <= self.until_s + CORRIDOR_SETTINGS.same_time_s), bound, none)
 
     def _refuse_crossing(self) -> None:
         """Refuse bounds that cross: straight lines do so at a point or just before a jump."""
         times = np.unique([time for points in (self.lower, self.upper) for time, _ in points])
         # Just before a jump the earlier value holds, at it the later one.
-        for at in np.sort(np.concatenate([times, times[times > 0.0] - 2.0 * _SAME_S])):
+        for at in np.sort(np.concatenate([times, times[times > 0.0] - 2.0 * CORRIDOR_SETTINGS.same_time_s])):
             lower, upper = (float(side) for side in self.sampled(at))
             if lower >= upper:
                 raise CampaignError(
@@ -282,7 +289,7 @@ def _refuse_figures(above_zero: dict[str, float], from_zero: dict[str, float]) -
         raise CampaignError(
             f"settling_s = {settling_s:g} is before rise_s = {rise_s:g}; a response first rises, then settles"
         )
-    if settled > 1.0 - RISEN + 1e-12:
+    if settled > 1.0 - CORRIDOR_SETTINGS.risen_share + 1e-12:
         raise CampaignError(f"settled = {settled:g} is wider than the 0.1 that the rise to 90 % leaves")
     if steady > settled:
         raise CampaignError(

@@ -23,9 +23,22 @@ from seatrial.vehicle.stability import neutral_fins
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-_LARGEST = np.deg2rad(25.0)  # beyond it, the model and straight flight are not what they claim to be
 
-_BALANCED = 1e-6  # of the mass times 1 m/s^2
+@dataclass(frozen=True)
+class LinearMotionSettings:
+    """How the motion about a trim is found and made linear."""
+
+    #: Largest angle of a trim, rad: beyond it, the model and straight flight are not what they claim to be.
+    largest_angle_rad: float = float(np.deg2rad(25.0))
+    balanced_share: float = 1e-6  #: Force that is left of a trim, as a share of the mass times 1 m/s^2.
+    #: Motion over which quadratic damping counts by its secant, m/s and rad/s; within it a hull that turns
+    #: about by itself may wander.
+    small_motion_m_s: float = 0.02
+    #: Step of a slope, m/s and rad/s: small beside any motion, large beside rounding.
+    tangent_step_m_s: float = 1e-5
+
+
+LINEAR_MOTION_SETTINGS = LinearMotionSettings()
 
 
 @dataclass(frozen=True)
@@ -59,15 +72,8 @@ def trim(
     the heave force, drift for the sway force, heel for the roll moment. What the actuators bring along with
     the commanded rows counts.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-    speed_m_s : float
-        Horizontal speed, m/s; negative is astern.
-    rows : str
-        Commanded rows of the wrench, letters of XYZKMN.
-    actuators : tuple of str
-        Those at work; all by default.
+    `speed_m_s`: horizontal speed, m/s; negative is astern; `rows`: commanded rows of the wrench, letters of
+    XYZKMN; `actuators`: those at work; all by default.
 
     Examples
     --------
@@ -109,7 +115,10 @@ def trim(
     if angles:
         solution = least_squares(residual, solution, bounds=(-1.5, 1.5), xtol=1e-14, ftol=1e-14, gtol=1e-14).x
     left = residual(solution)
-    if np.abs(left).max(initial=0.0) > _BALANCED or np.abs(solution).max(initial=0.0) > _LARGEST:
+    if (
+        np.abs(left).max(initial=0.0) > LINEAR_MOTION_SETTINGS.balanced_share
+        or np.abs(solution).max(initial=0.0) > LINEAR_MOTION_SETTINGS.largest_angle_rad
+    ):
         return None
     return flight(solution)
 
@@ -128,7 +137,6 @@ def _body(attitude: Array, drift: float) -> Array:
 
 Complex = NDArray[np.complex128]
 
-
 STATES = ("z", "roll", "pitch", "heading", "u", "v", "w", "p", "q", "r",
           "int u", "int v", "int z", "int pitch", "int heading")  # fmt: skip
 """Columns of K: deviations "measured minus desired" in m, rad, m/s, rad/s, then integrals of some of them."""
@@ -137,11 +145,6 @@ PLAIN = 10  # states of the motion, before the integrals: depth, three angles, s
 
 INTEGRATED = {"surge": (4, 10), "sway": (5, 11), "heave": (0, 12), "pitch": (2, 13), "heading": (3, 14)}
 """Per loop the state that is integrated and its integral, as columns of K."""
-
-SMALL_MOTION = 0.02
-"""In m/s and rad/s; within the motion that is designed for, a hull that turns about by itself may wander."""
-
-_TANGENT = 1e-5  # step of the slope in m/s and rad/s: small beside any motion, large beside rounding
 
 
 @dataclass(frozen=True)
@@ -169,7 +172,13 @@ class Sampled:
     period_s: float
 
 
-def plant(vehicle: Vehicle, at: Trim, loops: tuple[str, ...], *, motion: float = SMALL_MOTION) -> Plant:
+def plant(
+    vehicle: Vehicle,
+    at: Trim,
+    loops: tuple[str, ...],
+    *,
+    motion: float = LINEAR_MOTION_SETTINGS.small_motion_m_s,
+) -> Plant:
     """Linear motion about a trim with the wrench rows of some loops as input.
 
     Depth and heading are left out where no loop holds them: they act on nothing else. Quadratic damping
@@ -178,7 +187,7 @@ def plant(vehicle: Vehicle, at: Trim, loops: tuple[str, ...], *, motion: float =
     a, _ = vehicle.linearize(at.nu, at.attitude, at.tau, form="euler")
     mass = np.asarray(vehicle.mass_matrix())
     a = np.asarray(a).copy()
-    tangent = _slope(vehicle, at.nu, np.full(6, _TANGENT))
+    tangent = _slope(vehicle, at.nu, np.full(6, LINEAR_MOTION_SETTINGS.tangent_step_m_s))
     fins = _fin_slope(vehicle, at.nu, motion)
     a[6:, 6:] += np.linalg.solve(mass, _slope(vehicle, at.nu, np.full(6, motion)) - tangent + fins)
     rows = "".join(ROWS[LOOPS.index(loop)] for loop in LOOPS if loop in loops)

@@ -12,7 +12,7 @@ plant that begin with tolerated deviations.
 The margins of every row then count on the whole plant: while the phase margin is below 40 deg or
 |1/(1 + L)| above 2, that row of the wrench is made dearer and the gain designed again, so that lag and
 dead time lower the bandwidth instead of eating the margin. A hull that falls over by itself may have no
-such gain; it gets the best of smaller margins (`TARGETS`), or none.
+such gain; it gets the best of smaller margins (`margin_targets`), or none.
 
 In the autopilot file the regulator takes the place of the PID loops: everything else stays as written,
 comments included.
@@ -48,13 +48,24 @@ from seatrial.vehicle.authority import LOOPS, ROWS, delays, reach
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-MOTION = 0.05
-"""Motion in m/s and rad/s that is designed for: over a smaller one no gain holds REMUS with the margins."""
 
-TARGETS = ((40.0, 2.0), (35.0, 2.2), (30.0, 2.5))
-"""Phase margin in deg and largest |1/(1 + L)|, the best that can be had; less is refused."""
+@dataclass(frozen=True)
+class LqrSettings:
+    """What a regulator is designed for, and the margins that it must have."""
 
-_DEARER, _ROUNDS = 1.4, 14  # a row gets at most 1.4^14, a factor of 111, dearer
+    #: Motion that is designed for, m/s and rad/s: over a smaller one no gain holds REMUS with the margins.
+    design_motion_m_s: float = 0.05
+    #: Phase margin in deg and largest |1/(1 + L)|, from the best; less than the last is refused.
+    margin_targets: tuple[tuple[float, float], tuple[float, float], tuple[float, float]] = (
+        (40.0, 2.0),
+        (35.0, 2.2),
+        (30.0, 2.5),
+    )
+    dearness_factor: float = 1.4  #: Factor by which a row with too small margins becomes dearer in a round.
+    design_rounds: int = 14  #: Rounds of the design: a row becomes at most 1.4^14, a factor of 111, dearer.
+
+
+SETTINGS = LqrSettings()
 
 
 @dataclass(frozen=True)
@@ -179,7 +190,11 @@ def design_lqr(
             flight = trim(vehicle, u, rows, working)
             # Without straight level motion at a speed the design is made about the level hull.
             about = flight or level(u, rows, working)
-            systems.append(sampled(plant(vehicle, about, loops, motion=MOTION), late, period_s, loops))
+            systems.append(
+                sampled(
+                    plant(vehicle, about, loops, motion=SETTINGS.design_motion_m_s), late, period_s, loops
+                )
+            )
             trimmed.append(flight is not None)
         # A speed without a sound gain is no failure as long as another speed has one.
         results: dict[int, tuple[Array, LawMargins, tuple[float, ...]]] = {}
@@ -247,16 +262,16 @@ def _safe_gain(
     tolerances, limits = weights
     fed = with_law(system, known)
     tried, dearness = [], np.ones(len(limits))
-    for _ in range(_ROUNDS):
+    for _ in range(SETTINGS.design_rounds):
         gain = _gain(fed, tolerances, limits * tolerances.wrench_share / dearness)
         reached = least_margins(system, gain + known)
         tried.append((gain, reached, tuple(map(float, dearness))))
-        if _holds(reached, TARGETS[0]):
+        if _holds(reached, SETTINGS.margin_targets[0]):
             break
         rows = law_margins(system, gain + known).values()
-        short = np.array([not _holds(row, TARGETS[0]) for row in rows])
-        dearness = dearness * np.where(short, _DEARER, 1.0)
-    for target in TARGETS:
+        short = np.array([not _holds(row, SETTINGS.margin_targets[0]) for row in rows])
+        dearness = dearness * np.where(short, SETTINGS.dearness_factor, 1.0)
+    for target in SETTINGS.margin_targets:
         for design in tried:
             if _holds(design[1], target):
                 return design

@@ -58,13 +58,21 @@ Gains = Mapping[str, ArrayLike]
 
 _KEYS = ("K_P", "K_I", "K_D")
 
-_FREQUENCIES = 180  # 12 per octave: within 1 % of python-control on four times as many
 
-_TOGETHER = 64  # candidates whose responses lie in the cache at once
+@dataclass(frozen=True)
+class MarginConstraintSettings:
+    """How margins of many candidates are computed and weighed."""
 
-_GROWTH_S = 10.0  # a motion that grows e-fold in this time counts as much as a margin that is used up
+    #: Number of frequencies, 12 per octave: within 1 % of python-control on four times as many.
+    frequencies: int = 180
+    batch_candidates: int = 64  #: Candidates of a batch: their responses lie in the cache at once.
+    #: Time, s, in which a motion grows e-fold that counts as much as a margin that is used up.
+    growth_weight_s: float = 10.0
+    #: Share of the shortfalls beside the largest that is added: no other loop gives its own away.
+    other_loops_share: float = 0.3
 
-_OTHERS = 0.3  # of the shortfalls beside the largest
+
+SETTINGS = MarginConstraintSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +102,8 @@ class PointMargins:
         worst = self.lacking(limits)
         # The others count, too: behind one that is short another one could give its own away.
         largest = worst.max(axis=1)
-        others = _OTHERS * (worst.sum(axis=1) - largest)
-        grown = np.where(self.growth_per_s > 0.0, 1.0 + _GROWTH_S * self.growth_per_s, largest)
+        others = SETTINGS.other_loops_share * (worst.sum(axis=1) - largest)
+        grown = np.where(self.growth_per_s > 0.0, 1.0 + SETTINGS.growth_weight_s * self.growth_per_s, largest)
         return np.asarray(grown + others)
 
     def lacking(self, limits: Margins) -> Array:
@@ -116,6 +124,8 @@ class PointMargins:
 class MarginConstraint:
     """Limits on the margins of an autopilot's loops, for many candidates of its gains at once.
 
+    Raises `CampaignError`: a regulator in place of PID loops, or no speed.
+
     Parameters
     ----------
     vehicle : Vehicle
@@ -129,11 +139,6 @@ class MarginConstraint:
         Least margins; those of a campaign that gives none when missing.
     sensors : mapping of str to Sensor, "typical" or a file, optional
         Whose latency and interval the loops bear; perfect ones when missing.
-
-    Raises
-    ------
-    CampaignError
-        A regulator in place of PID loops, or no speed.
 
     Examples
     --------
@@ -263,7 +268,7 @@ class _Point:
     def __init__(self, at: ModeLoop, facts: AutopilotFacts) -> None:
         self.at, of = at, at.system
         self.shares = facts.shares(at.speed_m_s)
-        self.omega = frequencies(of.period_s, _FREQUENCIES)
+        self.omega = frequencies(of.period_s, SETTINGS.frequencies)
         seen = responses(of, self.omega)
         self.known = feedback(of, at.known)[:, of.seen] @ seen  # (F, n, n)
         self.step = closed(of, at.known)
@@ -282,9 +287,10 @@ class _Point:
 
     def margins(self, weights: Array) -> PointMargins:
         """Margins of candidates with the gains weights (k, n, 3)."""
-        batches = range(0, len(weights), _TOGETHER)
+        batches = range(0, len(weights), SETTINGS.batch_candidates)
         parts = [
-            loop_margins(self.opened(weights[begin : begin + _TOGETHER]), self.omega) for begin in batches
+            loop_margins(self.opened(weights[begin : begin + SETTINGS.batch_candidates]), self.omega)
+            for begin in batches
         ]
         return PointMargins(
             self.at.mode, self.at.speed_m_s, self.at.loops, LoopMargins.joined(parts), self.growth(weights)

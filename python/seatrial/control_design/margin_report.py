@@ -42,7 +42,7 @@ from seatrial.control_design.operating_points import (
     operating_points,
     reachable_speeds,
 )
-from seatrial.control_design.tuning_table import ACCEPTED_GAIN_DB, ACCEPTED_PHASE_DEG, ACCEPTED_SENSITIVITY
+from seatrial.control_design.tuning_table import ACCEPTED
 from seatrial.vehicle.actuators import NOMINAL_V
 from seatrial.vehicle.authority import LOOPS, ROWS
 
@@ -52,16 +52,23 @@ if TYPE_CHECKING:
 
 SENSITIVITY_NOTE = (
     "Sensitivity: how much the loop enlarges a disturbance at worst,"
-    f" accepted up to {ACCEPTED_SENSITIVITY:g}."
+    f" accepted up to {ACCEPTED.sensitivity:g}."
 )
 """Below every table of margins whose verdict may be the sensitivity."""
 
 _STATES = ("depth", "roll", "pitch", "heading", "speed", "sway", "heave", "roll", "pitch", "heading")
 """The first states of the closed loop in words, rates as what they move."""
 
-_MUCH = 0.3  # of what moves most
 
-_FINE = 61  # speeds at which the sound range is looked for
+@dataclass(frozen=True)
+class MarginReportSettings:
+    """What the tables of margins name and where they look."""
+
+    named_share: float = 0.3  #: Share of what moves most from which a state is named as growing, too.
+    speeds_tried: int = 61  #: Number of speeds at which the sound range is looked for.
+
+
+SETTINGS = MarginReportSettings()
 
 
 @dataclass(frozen=True)
@@ -104,9 +111,9 @@ class MarginRow(Plain, also="verdict"):
         if self.doubles_s is not None:
             return f"a motion grows ({self.grows})"
         figures = {
-            "phase": f"phase {self.phase_deg:.0f} deg of {ACCEPTED_PHASE_DEG:g}",
-            "gain": f"gain {float(decibel(self.gain)):.1f} dB of {ACCEPTED_GAIN_DB:g}",
-            "sensitivity": f"sensitivity {self.sensitivity:.2g}, at most {ACCEPTED_SENSITIVITY:g}",
+            "phase": f"phase {self.phase_deg:.0f} deg of {ACCEPTED.phase_deg:g}",
+            "gain": f"gain {float(decibel(self.gain)):.1f} dB of {ACCEPTED.gain_db:g}",
+            "sensitivity": f"sensitivity {self.sensitivity:.2g}, at most {ACCEPTED.sensitivity:g}",
         }
         shortfalls = ", ".join(figures[name] for name in self._small)
         return f"{self.loop} has little margin ({shortfalls})" if shortfalls else ""
@@ -165,7 +172,7 @@ def sound_speeds(
     facts = autopilot_facts(autopilot)
     first, last = max(points[0], 0.0), min(points[-1], top_speeds(vehicle, voltage_v=voltage_v)[1])
     least = largest = None
-    for speed in np.linspace(first, last, _FINE) if last >= first else ():
+    for speed in np.linspace(first, last, SETTINGS.speeds_tried) if last >= first else ():
         if _at(vehicle, facts, mode_at(facts, speed).name, float(speed)).sound:
             largest = float(speed)
             least = largest if least is None else least
@@ -202,9 +209,9 @@ def _at(
 def _share(of: LawMargins) -> float:
     """Least margin as a share of the accepted one."""
     return min(
-        of.phase_deg / ACCEPTED_PHASE_DEG,
-        float(decibel(of.gain)) / ACCEPTED_GAIN_DB,
-        ACCEPTED_SENSITIVITY / of.sensitivity,
+        of.phase_deg / ACCEPTED.phase_deg,
+        float(decibel(of.gain)) / ACCEPTED.gain_db,
+        ACCEPTED.sensitivity / of.sensitivity,
     )
 
 
@@ -218,7 +225,7 @@ def _moves_most(step: Array, system: Sampled) -> str:
         if column < len(_STATES):
             name = _STATES[column]
             sizes[name] = max(sizes.get(name, 0.0), float(vector[place]) / tolerated[column])
-    much = [name for name in sizes if sizes[name] >= _MUCH * max(sizes.values())]
+    much = [name for name in sizes if sizes[name] >= SETTINGS.named_share * max(sizes.values())]
     return " and ".join(sorted(much, key=lambda name: -sizes[name])[:2])
 
 

@@ -29,19 +29,28 @@ from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.control_design.loops import Sampled, closed, feedback, responses
-from seatrial.control_design.tuning_table import ACCEPTED_GAIN_DB, ACCEPTED_PHASE_DEG, ACCEPTED_SENSITIVITY
+from seatrial.control_design.tuning_table import ACCEPTED
 
 Complex = NDArray[np.complex128]
 
-_FREQUENCIES = 400  # over about four decades: neighbours differ by 2 to 3 %, and minima are refined
 
-_BELOW_NYQUIST = 0.9999  # at half the sampling rate every response is real: it is looked at by itself
+@dataclass(frozen=True)
+class MarginSettings:
+    """How finely responses are looked at, and what counts as neutral."""
 
-_DIVISIONS = 64  # of an interval with a crossing: its place is then known to 1e-7 of its frequency
+    #: Number of frequencies over about four decades: neighbours differ by 2 to 3 %, and minima are refined.
+    frequencies: int = 400
+    #: Last frequency of a report over half the sampling rate, at which every response is real and is looked
+    #: at by itself.
+    nyquist_share: float = 0.9999
+    #: Divisions of an interval with a crossing: its place is then known to 1e-7 of its frequency.
+    crossing_divisions: int = 64
+    #: Time, s, in which a motion must double to count as unstable: slower growth is neutral.
+    neutral_doubling_s: float = 3600.0
+    imaginary_rounding: float = 1e-9  #: Imaginary part, as a share of the size, that is rounding.
 
-_HOUR_S = 3600.0  # a growth that doubles in more than an hour counts as neutral
 
-_REAL = 1e-9  # imaginary part, as a share, that is rounding
+SETTINGS = MarginSettings()
 
 _TINY = 1e-300  # keeps a division by zero finite
 
@@ -133,7 +142,9 @@ def loop_margins(loops: Complex, omega: Array) -> LoopMargins:
 
     # A sampled loop is real at half the sampling rate: a pole may leave through z = -1.
     end = flat[:, -1]
-    at_edge = np.nonzero((np.abs(end.imag) <= _REAL * np.abs(end)) & (end.real < 0.0))[0]
+    at_edge = np.nonzero((np.abs(end.imag) <= SETTINGS.imaginary_rounding * np.abs(end)) & (end.real < 0.0))[
+        0
+    ]
     size = np.abs(end[at_edge])
     up, edge = size < 1.0, np.full(len(at_edge), omega[-1])
     gain.take(at_edge[up], 1.0 / np.maximum(size[up], _TINY), edge[up])
@@ -192,7 +203,7 @@ def open_each(loop: Complex) -> Complex:
     return opened
 
 
-def frequencies(period_s: float, count: int = _FREQUENCIES) -> Array:
+def frequencies(period_s: float, count: int = SETTINGS.frequencies) -> Array:
     """Frequencies (count,) in rad/s, even by their logarithm, from 0.001 rad/s to half the sampling rate."""
     return np.geomspace(1e-3, np.pi / period_s, count)
 
@@ -256,13 +267,14 @@ def refined_margins(of: Sampled, gain: Array) -> tuple[LoopMargins, Array]:
     divided into 64: the logarithm of a response is straight enough over the rest.
     """
     opened = _opened(of, gain)
-    below = np.geomspace(1e-3, _BELOW_NYQUIST * np.pi / of.period_s, _FREQUENCIES)
+    below = np.geomspace(1e-3, SETTINGS.nyquist_share * np.pi / of.period_s, SETTINGS.frequencies)
     omega = np.append(below, np.pi / of.period_s)
     coarse = opened(omega)
     loud, above = np.abs(coarse) >= 1.0, coarse.imag >= 0.0
     crossed = (loud[:, 1:] != loud[:, :-1]) | (above[:, 1:] != above[:, :-1])
     extra = [
-        np.geomspace(omega[k], omega[k + 1], _DIVISIONS + 1)[1:-1] for k in np.nonzero(crossed.any(axis=0))[0]
+        np.geomspace(omega[k], omega[k + 1], SETTINGS.crossing_divisions + 1)[1:-1]
+        for k in np.nonzero(crossed.any(axis=0))[0]
     ]
     between = np.concatenate([*extra, []])
     order = np.argsort(np.concatenate([omega, between]))
@@ -288,7 +300,7 @@ def spectral_radius(of: Sampled, gain: Array) -> float:
 
 def neutral_radius(period_s: float) -> float:
     """Largest closed-loop |eigenvalue| per step that counts as neutral: doubling within an hour."""
-    return float(2.0 ** (period_s / _HOUR_S))
+    return float(2.0 ** (period_s / SETTINGS.neutral_doubling_s))
 
 
 def decibel(factor: ArrayLike) -> Array:
@@ -301,7 +313,7 @@ def small(phase_deg: float, gain_db: float, sensitivity: float) -> tuple[str, ..
 
     A gain that may not fall much shows as sensitivity.
 
-    Source of the limits: `seatrial.control_design.tuning_table.ACCEPTED_PHASE_DEG`.
+    Source of the limits: `seatrial.control_design.tuning_table.ACCEPTED`.
 
     Examples
     --------
@@ -309,8 +321,8 @@ def small(phase_deg: float, gain_db: float, sensitivity: float) -> tuple[str, ..
     ('gain', 'sensitivity')
     """
     short = {
-        "phase": phase_deg < ACCEPTED_PHASE_DEG,
-        "gain": gain_db < ACCEPTED_GAIN_DB,
-        "sensitivity": sensitivity > ACCEPTED_SENSITIVITY,
+        "phase": phase_deg < ACCEPTED.phase_deg,
+        "gain": gain_db < ACCEPTED.gain_db,
+        "sensitivity": sensitivity > ACCEPTED.sensitivity,
     }
     return tuple(name for name, falls in short.items() if falls)

@@ -26,20 +26,23 @@ if TYPE_CHECKING:
 POINTS = 6
 """Number of breakpoints, that of the core."""
 
-RANGE = 0.95  # of the reachable speeds: at the very end nothing is left to control with
 
-CRUISE = 0.3
-"""Share of the top speed from which cruise takes over from hover."""
+@dataclass(frozen=True)
+class ModeTableSettings:
+    """Which speeds and modes suit a vehicle."""
 
-_SLOWEST = 0.25  # of the top speed, where fins do not bite any more
+    #: Share of the reachable speeds that the breakpoints span: at the very end nothing is left to control
+    #: with.
+    speed_range_share: float = 0.95
+    cruise_from_share: float = 0.3  #: Share of the top speed from which cruise takes over from hover.
+    slowest_share: float = 0.25  #: Share of the top speed below which fins do not bite any more.
+    level_pitch_rad: float = float(np.deg2rad(10.0))  #: Largest pitch of level flight, rad.
+    held_share: float = 0.9  #: Share of the actuators' reach that must hold level flight.
+    #: Pitch at which cruise may take over from hover, rad: guidance has to learn it, which moves the depth.
+    take_over_pitch_rad: float = float(np.deg2rad(1.5))
 
-_TRIM_PITCH, _HELD = (
-    np.deg2rad(10.0),
-    0.9,
-)  # level flight: largest pitch, and share of the reach that holds it
 
-_TAKE_OVER = np.deg2rad(1.5)
-"""Pitch at which cruise may take over from hover: guidance has to learn it, which moves the depth."""
+MODE_TABLE_SETTINGS = ModeTableSettings()
 
 
 @dataclass(frozen=True)
@@ -57,10 +60,7 @@ class Mode:
 def top_speeds(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> tuple[float, float]:
     """Top speeds astern (not positive) and ahead, m/s, straight at the largest commands.
 
-    Raises
-    ------
-    VehicleError
-        The speed grows beyond all bounds.
+    Raises `VehicleError`: the speed grows beyond all bounds.
     """
     facts, extremes = vehicle.actuator_info(), []
     for share in (-1.0, 1.0):
@@ -76,40 +76,45 @@ def top_speeds(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> tuple[float
 def breakpoint_speeds(vehicle: Vehicle, rows: str, top: tuple[float, float]) -> list[float]:
     """Six breakpoints in m/s over 95 % of the reachable range; without hovering, of level flight."""
     if "Z" in rows:
-        return [float(u) for u in np.linspace(RANGE * top[0], RANGE * top[1], POINTS)]
-    slowest = _slowest(vehicle, rows, top[1])
-    return [float(u) for u in np.linspace(slowest, RANGE * top[1], POINTS)]
+        slowest = MODE_TABLE_SETTINGS.speed_range_share * top[0]
+    else:
+        slowest = _slowest(vehicle, rows, top[1])
+    return [float(u) for u in np.linspace(slowest, MODE_TABLE_SETTINGS.speed_range_share * top[1], POINTS)]
 
 
-def _slowest(vehicle: Vehicle, rows: str, top: float, pitch: float = _TRIM_PITCH) -> float:
+def _slowest(
+    vehicle: Vehicle, rows: str, top: float, pitch: float = MODE_TABLE_SETTINGS.level_pitch_rad
+) -> float:
     """Least speed of level flight that the actuators can hold, a quarter of the top speed or more.
 
     The trim needs no more than ``pitch`` in rad.
     """
     commanded = rows.replace("Z", "")
-    for share in np.linspace(_SLOWEST, 0.8, 23):
+    for share in np.linspace(MODE_TABLE_SETTINGS.slowest_share, 0.8, 23):
         flight = trim(vehicle, share * top, commanded)
         if flight is None or abs(flight.attitude[1]) > pitch:
             continue
         low, high = reach(vehicle, share * top, commanded)["M"] if "M" in commanded else (-np.inf, np.inf)
-        if _HELD * low < flight.tau[4] < _HELD * high:
+        if MODE_TABLE_SETTINGS.held_share * low < flight.tau[4] < MODE_TABLE_SETTINGS.held_share * high:
             return float(share * top)
     return 0.8 * top
 
 
 def mode_table(vehicle: Vehicle, rows: str, top: tuple[float, float]) -> tuple[Mode, ...]:
     """The modes for the commanded rows and the top speeds astern and ahead (m/s)."""
-    hovers = "Z" in rows
+    hovers, cruise_from = "Z" in rows, MODE_TABLE_SETTINGS.cruise_from_share * top[1]
     every = tuple(LOOPS[ROWS.index(row)] for row in rows)
     cruising = tuple(loop for loop in every if loop not in ("heave", "sway"))
     modes = [Mode("hover", every, "heave")] if hovers else []
     if hovers and "Y" in rows:
         # A frame with thrusters all around goes down as it is; it only stops to sway.
         without = tuple(loop for loop in every if loop != "sway")
-        modes.append(Mode("cruise", without, "heave", CRUISE * top[1]))
+        modes.append(Mode("cruise", without, "heave", cruise_from))
     elif "M" in rows:
-        start = max(_slowest(vehicle, rows, top[1], _TAKE_OVER), CRUISE * top[1]) if hovers else None
-        driving = _driving(vehicle, "".join(ROWS[LOOPS.index(loop)] for loop in cruising)) if hovers else None
+        start = driving = None
+        if hovers:
+            start = max(_slowest(vehicle, rows, top[1], MODE_TABLE_SETTINGS.take_over_pitch_rad), cruise_from)
+            driving = _driving(vehicle, "".join(ROWS[LOOPS.index(loop)] for loop in cruising))
         modes.append(Mode("cruise", cruising, "pitch", start, driving))
     return tuple(modes)
 

@@ -20,7 +20,7 @@ from seatrial._core import Mission
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 from seatrial.control_design.loops import (
-    SMALL_MOTION,
+    LINEAR_MOTION_SETTINGS,
     STATES,
     Sampled,
     level,
@@ -136,10 +136,7 @@ def mode_at(facts: AutopilotFacts, speed_m_s: float) -> AutopilotMode:
 def refuse_other_laws(autopilot: Autopilot) -> None:
     """Refuse an autopilot whose gains are not those of PID loops.
 
-    Raises
-    ------
-    CampaignError
-        Its control is another one.
+    Raises `CampaignError`: its control is another one.
     """
     control = autopilot_facts(autopilot).control
     if control != "pid":
@@ -163,10 +160,7 @@ east_m = 0.0
 def refuse_misfit(autopilot: Autopilot, vehicle: Vehicle) -> None:
     """Refuse an autopilot that cannot steer a vehicle.
 
-    Raises
-    ------
-    VehicleError
-        A loop, an actuator or a limit of the autopilot does not fit.
+    Raises `VehicleError`: a loop, an actuator or a limit of the autopilot does not fit.
     """
     autopilot.engage(vehicle, Mission.from_toml(_ANY_MISSION))
 
@@ -279,7 +273,7 @@ def mode_loop(
     speed_m_s: float,
     *,
     measured_late_s: Mapping[str, float] | None = None,
-    motion: float = SMALL_MOTION,
+    motion: float = LINEAR_MOTION_SETTINGS.small_motion_m_s,
 ) -> ModeLoop:
     """Sampled motion about the trim of a mode at a speed in m/s.
 

@@ -30,18 +30,26 @@ from seatrial.vehicle.authority import LOOPS
 USUAL_ERROR = {"heave": 2.0, "roll": np.deg2rad(30.0), "pitch": np.deg2rad(30.0), "heading": np.deg2rad(40.0)}
 """Error of a position loop, m or rad, that may just ask for the largest demand."""
 
-USUAL_SHARE = 0.3
-"""The same of a speed loop, as a share of the top speed."""
 
-DAMPING_RATIO = 0.9  # of the placed poles: hardly an overshoot, and still fast
+@dataclass(frozen=True)
+class PolePlacementSettings:
+    """How poles of a loop are placed."""
+
+    #: Error of a speed loop that may just ask for the largest demand, as a share of the top speed.
+    usual_speed_share: float = 0.3
+    damping_ratio: float = 0.9  #: Damping ratio of the placed poles: hardly an overshoot, and still fast.
+    #: Least gain as a share of that without the water's damping: damping that is there takes no more away.
+    gain_share_min: float = 0.25
+    gain_share_max: float = 3.0  #: Largest gain by the same share: damping that wants adds no more.
+    #: Delay of navigation and of what a vehicle file does not tell, s: no loop counts on less.
+    shortest_delay_s: float = 0.1
+
+
+POLE_PLACEMENT_SETTINGS = PolePlacementSettings()
 
 DELAY_SHARE = {"position": 0.2, "speed": 0.4}
 
 INTEGRAL_SHARE = {"position": 1.0 / 12.0, "speed": 1.0 / 7.0}
-
-_LEAST, _MOST = 0.25, 3.0  # damping already there, or wanting, moves a gain no further than this
-
-_SHORTEST_S = 0.1  # delay of navigation and of what a vehicle file does not tell
 
 
 @dataclass(frozen=True)
@@ -81,11 +89,11 @@ def kind(loop: str) -> str:
 
 def bandwidth(loop: str, axis: Axis) -> float:
     """Largest bandwidth in rad/s that delay and reach allow."""
-    by_delay = DELAY_SHARE[kind(loop)] / max(axis.delay_s, _SHORTEST_S)
+    by_delay = DELAY_SHARE[kind(loop)] / max(axis.delay_s, POLE_PLACEMENT_SETTINGS.shortest_delay_s)
     usual = axis.tau_max / axis.usual_error
     if kind(loop) == "speed":
         return min(by_delay, usual / axis.inertia)
-    against_damping = 2.0 * DAMPING_RATIO * usual / max(axis.damping, 1e-9)
+    against_damping = 2.0 * POLE_PLACEMENT_SETTINGS.damping_ratio * usual / max(axis.damping, 1e-9)
     return min(by_delay, float(np.sqrt(usual / axis.inertia)), against_damping)
 
 
@@ -101,13 +109,21 @@ def loop_gain(loop: str, axis: Axis, omega: float) -> LoopGain:
     share = INTEGRAL_SHARE[kind(loop)] * omega
     if kind(loop) == "speed":
         full = axis.inertia * omega
-        k_p = max(full - axis.damping, _LEAST * full)
+        k_p = max(full - axis.damping, POLE_PLACEMENT_SETTINGS.gain_share_min * full)
         return LoopGain(k_p, full * share, 0.0, omega)
     own = float(np.hypot(omega, np.sqrt(axis.stiffness / axis.inertia)))
-    full = 2.0 * DAMPING_RATIO * own * axis.inertia
-    k_d = float(np.clip(full - axis.damping, _LEAST * full, _MOST * full))
+    full = 2.0 * POLE_PLACEMENT_SETTINGS.damping_ratio * own * axis.inertia
+    k_d = float(
+        np.clip(
+            full - axis.damping,
+            POLE_PLACEMENT_SETTINGS.gain_share_min * full,
+            POLE_PLACEMENT_SETTINGS.gain_share_max * full,
+        )
+    )
     # Where the water damps more than that, the answer is as slow as K_P is small against it.
-    k_p = max(axis.inertia * omega**2, omega * (axis.damping + k_d) / (2.0 * DAMPING_RATIO))
+    k_p = max(
+        axis.inertia * omega**2, omega * (axis.damping + k_d) / (2.0 * POLE_PLACEMENT_SETTINGS.damping_ratio)
+    )
     k_p += axis.stiffness
     # The feed-forward carries most of the stiffness: half of it is left to the integral.
     return LoopGain(k_p, (k_p - 0.5 * axis.stiffness) * share, k_d, omega)

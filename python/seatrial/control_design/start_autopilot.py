@@ -7,8 +7,8 @@ tests/flight/test_acceptance_flights.py.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from seatrial.base.blas_threads import one_blas_thread
@@ -24,14 +24,23 @@ from seatrial.vehicle.authority import LOOPS, ROWS
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-_START_SHARE, _STOP_SHARE = 2.0, 0.2  # of the minimum revolutions
 
-_OWN_WORK = 0.05  # cost of thrusters that do not drive, against those that do
+@dataclass(frozen=True)
+class StartAutopilotSettings:
+    """What stands in the allocation of an autopilot file with start values, and its control periods."""
+
+    #: Thrust from which a motor starts, as a share of that at its minimum revolutions: noise stays below it.
+    start_share: float = 2.0
+    stop_share: float = 0.2  #: Thrust at which it stops, by the same share: it stops late, and seldom.
+    other_thruster_cost: float = 0.05  #: Cost of thrusters that do not drive, against those that do.
+    #: Shortest control period, s, for which gains are made: the design samples the vehicle's motion.
+    shortest_period_s: float = 0.005
+    longest_period_s: float = 1.0  #: Longest control period, s.
+
+
+SETTINGS = StartAutopilotSettings()
 
 LAWS = ("pid", "lqr")
-
-SHORTEST_S, LONGEST_S = 0.005, 1.0
-"""Control periods for which gains are made, s: the design samples the vehicle's motion."""
 
 
 def start_autopilot(vehicle: Vehicle, *, law: str = "pid", period_s: float = 0.1) -> str:
@@ -59,9 +68,10 @@ def start_autopilot(vehicle: Vehicle, *, law: str = "pid", period_s: float = 0.1
     """
     if law not in LAWS:
         raise VehicleError(f"law: expected pid or lqr, found {law!r}")
-    if not (math.isfinite(period_s) and SHORTEST_S <= period_s <= LONGEST_S):
+    least, most = SETTINGS.shortest_period_s, SETTINGS.longest_period_s
+    if not least <= period_s <= most:
         raise VehicleError(
-            f"period_s: expected a control period from {SHORTEST_S:g} to {LONGEST_S:g} s, found {period_s:g}"
+            f"period_s: expected a control period from {least:g} to {most:g} s, found {period_s:g}"
         )
     try:
         with one_blas_thread():
@@ -127,11 +137,11 @@ def _allocation(vehicle: Vehicle, start: StartGains) -> dict[str, Any]:
     if any(of["kind"] == "fin" for of in facts.values()):
         table["fin_inflow"] = False
     if any(float(of["minimum_ahead"]) > 0.0 for of in facts.values()):
-        table |= {"start_share": _START_SHARE, "stop_share": _STOP_SHARE}
+        table |= {"start_share": SETTINGS.start_share, "stop_share": SETTINGS.stop_share}
         cruising = start.modes[-1].actuators
         others = tuple(name for name in vehicle.actuators if name not in cruising) if cruising else ()
         if others:
-            table["weights"] = dict.fromkeys(_grouped(vehicle, others), _OWN_WORK)
+            table["weights"] = dict.fromkeys(_grouped(vehicle, others), SETTINGS.other_thruster_cost)
     return table
 
 

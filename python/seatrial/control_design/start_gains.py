@@ -4,7 +4,7 @@ Which loops there are follows from the rows that the actuators can command. Each
 `seatrial.control_design.pole_placement`; its bandwidth is then moved in a trial of all loops on the coupled
 motion behind lag and dead time, until the motion is stable with and without the restoring feed-forward, the
 phase margin is 35 deg, gain margin and sensitivity are accepted
-(`seatrial.control_design.tuning_table.ACCEPTED_PHASE_DEG`), and the step response overshoots less than 24 %
+(`seatrial.control_design.tuning_table.ACCEPTED`), and the step response overshoots less than 24 %
 and settles.
 
 The largest demand of a row is 80 % of its reach, half of it where the actuators that give it also drive
@@ -25,7 +25,7 @@ from seatrial.base.arrays import Array
 from seatrial.control_design.loops import Plant, level, plant, restoring_law, sampled, step_response
 from seatrial.control_design.margins import decibel, least_margins, small, spectral_radius
 from seatrial.control_design.mode_table import (
-    CRUISE,
+    MODE_TABLE_SETTINGS,
     Mode,
     breakpoint_speeds,
     flies,
@@ -34,8 +34,8 @@ from seatrial.control_design.mode_table import (
     top_speeds,
 )
 from seatrial.control_design.pole_placement import (
+    POLE_PLACEMENT_SETTINGS,
     USUAL_ERROR,
-    USUAL_SHARE,
     Axis,
     LoopGain,
     bandwidth,
@@ -51,13 +51,35 @@ from seatrial.vehicle.steady_state import drivers
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-_SHARED, _ALONE = 0.5, 0.8  # share of the reach for a row whose actuators also drive ahead, and for another
+
+@dataclass(frozen=True)
+class StartGainSettings:
+    """What start gains leave to other rows, tolerate, and try in turn."""
+
+    shared_reach: float = 0.5  #: Share of the reach for a row whose actuators also drive ahead.
+    own_reach: float = 0.8  #: Share of the reach for a row with actuators of its own.
+    #: Noise of one ping of the Doppler log, m/s: that of the typical sensors.
+    doppler_noise_m_s: float = 0.008
+    #: Share of the least thrust that this noise may ask for: it starts no motor.
+    noise_thrust_share: float = 0.25
+    overshoot_max: float = 0.24  #: Largest overshoot of a step response, as a share of the step.
+    phase_margin_deg: float = 35.0  #: Least phase margin, deg: 5 deg more than what is accepted.
+    current_m_s: float = 0.3  #: Current that the gains are made for, m/s.
+    #: Band about the set point in the last tenth of a step response, as a share of the step: the usual 5 %.
+    settled_band: float = 0.05
+    #: Excess over 1 of the eigenvalue of a depth that is not held yet: rounding; at ten steps per second a
+    #: growth e-fold in 28 h.
+    open_depth_excess: float = 1e-6
+    step_bandwidths: float = 90.0  #: Length of a step response, times one over the bandwidth.
+    #: Factors on the bandwidth, tried in this order: those near 1 first.
+    bandwidth_factors: tuple[float, ...] = (1.0, 0.9, 0.8, 1.25, 0.7, 1.6, 0.6, 0.5, 2.0, 0.4)
+    #: Shares of the wanted stiffness, tried from the stiffest on.
+    stiffness_shares: tuple[float, float, float] = (1.0, 0.7, 0.5)
+
+
+SETTINGS = StartGainSettings()
 
 _REFERENCE = {"position": 5.0, "speed": 2.0}  # natural frequency of the reference filter over the bandwidth
-
-_DOPPLER_NOISE_M_S = 0.008  # of one ping, that of the typical sensors
-
-_NOISE_SHARE = 0.25  # of the least thrust, that noise of the velocity may ask for
 
 
 @dataclass(frozen=True)
@@ -90,18 +112,9 @@ class StartGains:
 def start_gains(vehicle: Vehicle, *, period_s: float = 0.1, voltage_v: float = NOMINAL_V) -> StartGains:
     """Start values of an autopilot for a vehicle.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-    period_s : float
-        Control period, s.
-    voltage_v : float
-        Supply voltage at which tables of thrust are read, V.
-
-    Raises
-    ------
-    ValueError
-        A vehicle that cannot be steered: no thrust ahead, no heading, or neither heave force nor pitch.
+    `period_s`: control period, s; `voltage_v`: supply voltage at which tables of thrust are read, V. Raises
+    `ValueError`: a vehicle that cannot be steered: no thrust ahead, no heading, or neither heave force nor
+    pitch.
 
     Examples
     --------
@@ -150,7 +163,8 @@ def start_gains(vehicle: Vehicle, *, period_s: float = 0.1, voltage_v: float = N
         used = [
             gain.bandwidth
             for u, gain in zip(speeds, placed, strict=True)
-            if u > -CRUISE * top[1] and any(loop in m.loops and flies(m, modes, u) for m in modes)
+            if u > -MODE_TABLE_SETTINGS.cruise_from_share * top[1]
+            and any(loop in m.loops and flies(m, modes, u) for m in modes)
         ]
         reference = _REFERENCE[kind(loop)] * float(np.median(used or [gain.bandwidth for gain in placed]))
         loops[loop] = LoopStart(tuple(placed), largest[ROWS[LOOPS.index(loop)]], reference)
@@ -168,7 +182,7 @@ def _quiet(vehicle: Vehicle, voltage_v: float) -> float:
         side = "minimum_ahead" if sense > 0.0 else "minimum_astern"
         least[name] = command(facts[name], sense * float(facts[name][side]) / _largest(facts[name], sense))
     thrust = float(bollard(vehicle, least, voltage_v=voltage_v)[0])
-    return _NOISE_SHARE * thrust / _DOPPLER_NOISE_M_S if thrust > 0.0 else np.inf
+    return SETTINGS.noise_thrust_share * thrust / SETTINGS.doppler_noise_m_s if thrust > 0.0 else np.inf
 
 
 def _largest(facts: dict[str, Any], sense: float) -> float:
@@ -183,7 +197,11 @@ def _with_hold(delay: Delay, period_s: float) -> Delay:
 def _share(vehicle: Vehicle, row: str) -> float:
     matrix = np.abs(np.asarray(vehicle.allocation_matrix()))[ROWS.index(row)]
     driving = [k for k, name in enumerate(vehicle.actuators) if name in drivers(vehicle)]
-    return _SHARED if row != "X" and matrix[driving].max(initial=0.0) > 0.5 * matrix.max() else _ALONE
+    return (
+        SETTINGS.shared_reach
+        if row != "X" and matrix[driving].max(initial=0.0) > 0.5 * matrix.max()
+        else SETTINGS.own_reach
+    )
 
 
 def _usable(limit: dict[str, Array], row: str, shares: dict[str, float]) -> float:
@@ -213,23 +231,6 @@ def _without_stiff_roll(vehicle: Vehicle, rows: str, late: dict[str, Delay], lef
     )
     return rows.replace("K", "")
 
-
-# Of a loop with start gains: largest overshoot, a share of the step, and least phase margin.
-OVERSHOOT, PHASE_DEG = 0.24, 35.0
-
-CURRENT_M_S = 0.3
-"""Current that the gains are made for."""
-
-_SETTLED = 0.05  # band of the last part of a step: the usual 5 %
-
-_OPEN_DEPTH = 1e-6  # rounding of the eigenvalue 1, at ten steps per second e^(1/28 h)
-
-_SETTLING = 90.0  # times 1/bandwidth
-
-# On the bandwidth, tried in this order: near 1 first.
-_FACTORS = (1.0, 0.9, 0.8, 1.25, 0.7, 1.6, 0.6, 0.5, 2.0, 0.4)
-
-_STIFFNESS = (1.0, 0.7, 0.5)  # shares of the wanted stiffness, tried from the stiffest on
 
 _TILT = {"K": 1, "M": 2}  # the angle, as a column of K, that a righting moment goes with
 
@@ -274,7 +275,7 @@ class Trial:
 
         # Pitch and heading first: the other loops ride on them.
         for loop in sorted(widths, key=lambda name: name not in ("pitch", "heading", "roll")):
-            for stiff[loop], factors[loop] in product(_STIFFNESS, _FACTORS):
+            for stiff[loop], factors[loop] in product(SETTINGS.stiffness_shares, SETTINGS.bandwidth_factors):
                 if all(
                     self._passes(plants[m.name], gains(), m, loop, speed) for m in used if loop in m.loops
                 ):
@@ -298,7 +299,7 @@ class Trial:
         inertia = float(np.asarray(self.vehicle.mass_matrix())[ROWS.index(row), ROWS.index(row)])
         damping = min(_damping(of, row) for of in plants.values())
         upset = max((self._upset(of, speed) for of in plants.values() if row == "M"), default=0.0)
-        usual = USUAL_ERROR.get(loop, USUAL_SHARE * self.top_m_s)
+        usual = USUAL_ERROR.get(loop, POLE_PLACEMENT_SETTINGS.usual_speed_share * self.top_m_s)
         late = self.late[row].total_s
         righting = restoring_law(self.vehicle, row)[ROWS.index(row), _TILT.get(row, 1)]
         stiffness = inertia * upset + max(-float(righting), 0.0)
@@ -316,7 +317,7 @@ class Trial:
             return 0.0
         most = max(abs(speed), self.top_m_s)
         upset = 0.0
-        for u in (speed, np.copysign(min(abs(speed) + CURRENT_M_S, most), speed)):
+        for u in (speed, np.copysign(min(abs(speed) + SETTINGS.current_m_s, most), speed)):
             mode_loops = tuple(LOOPS[ROWS.index(row)] for row in of.rows)
             there = plant(self.vehicle, level(u, of.rows), mode_loops)
             upset = max(upset, _upset(there, u))
@@ -338,22 +339,24 @@ class Trial:
         chosen = law({name: gains[name] for name in first}, speed)
         with_feed_forward = chosen + restoring_law(self.vehicle, of.rows)
         # While the depth is not yet held, it is a pole at 1.
-        most = 1.0 - 1e-9 if together else 1.0 + _OPEN_DEPTH
+        most = 1.0 - 1e-9 if together else 1.0 + SETTINGS.open_depth_excess
         for k in (chosen, with_feed_forward):
             if spectral_radius(system, k) >= most:
                 return False
         reached = least_margins(system, with_feed_forward)
-        if reached.phase_deg < PHASE_DEG or small(
+        if reached.phase_deg < SETTINGS.phase_margin_deg or small(
             reached.phase_deg, float(decibel(reached.gain)), reached.sensitivity
         ):
             return False
         if loop in ("roll", "pitch") and mode.depth_by == "heave":
             return True  # held level: its reference does not move
         known = self._known(of, loop, with_feed_forward - chosen)
-        duration = _SETTLING / gains[loop].bandwidth
+        duration = SETTINGS.step_bandwidths / gains[loop].bandwidth
         answer = step_response(system, with_feed_forward, loop, duration, known=known)
         tail = answer[-len(answer) // 10 :]
-        return bool(answer.max() < 1.0 + OVERSHOOT and np.abs(tail - 1.0).max() < _SETTLED)
+        return bool(
+            answer.max() < 1.0 + SETTINGS.overshoot_max and np.abs(tail - 1.0).max() < SETTINGS.settled_band
+        )
 
     def _known(self, of: Plant, loop: str, forward: Array) -> float:
         """Part of a loop's own gain that does not act on its reference; below zero: of the drag."""

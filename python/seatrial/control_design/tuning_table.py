@@ -68,14 +68,8 @@ def default_steps(loop: str, *, top_m_s: float, largest: float = math.inf) -> tu
     About half of what may just ask for the largest demand
     (`seatrial.control_design.pole_placement.USUAL_ERROR`), so that the limits are near but do not decide.
 
-    Parameters
-    ----------
-    loop : str
-        Key of `LOOPS`.
-    top_m_s : float
-        Largest steady speed of the loop's channel, m/s; of it a speed loop steps a share.
-    largest : float, optional
-        What guidance or the vehicle allows, in the file's unit.
+    `loop`: key of `LOOPS`; `top_m_s`: largest steady speed of the loop's channel, m/s; of it a speed loop
+    steps a share; `largest`: what guidance or the vehicle allows, in the file's unit.
 
     Examples
     --------
@@ -278,21 +272,30 @@ class Loops(Section):
         return {name: table for name in LOOPS if (table := getattr(self, name)) is not None}
 
 
-ACCEPTED_PHASE_DEG, ACCEPTED_GAIN_DB, ACCEPTED_SENSITIVITY = 30.0, 6.0, 2.0
-"""Margins that a control loop is accepted by: at least 30 deg of phase and a factor of two in gain, and a
-largest sensitivity of at most 2. Every verdict on margins and the default limits of a tuning are these.
+@dataclass(frozen=True)
+class AcceptedMarginLimits:
+    """Margins that a control loop is accepted by.
 
-Source: Åström and Murray, *Feedback Systems* (2008), section 9.3: phase margin 30 to 60 deg, gain margin 2 to
-5, stability margin (one over the largest sensitivity) 0.5 to 0.8.
-"""
+    Every verdict on margins and the default limits of a tuning are these. Source: Åström and Murray,
+    *Feedback Systems* (2008), section 9.3: phase margin 30 to 60 deg, gain margin 2 to 5, stability margin
+    (one over the largest sensitivity) 0.5 to 0.8.
+    """
+
+    phase_deg: float = 30.0  #: Least phase margin, deg: the lower end of what the source recommends.
+    #: Least gain margin, dB: a factor of two, the lower end of what the source recommends.
+    gain_db: float = 6.0
+    sensitivity: float = 2.0  #: Largest sensitivity: the lower end of the source's stability margins.
+
+
+ACCEPTED = AcceptedMarginLimits()
 
 
 class LeastMargins(Section):
     """Least margins of the linearised loop; 0 requires none, but an unstable motion always falls short."""
 
-    phase_deg: Annotated[float, Field(strict=True, ge=0, le=90)] = ACCEPTED_PHASE_DEG
+    phase_deg: Annotated[float, Field(strict=True, ge=0, le=90)] = ACCEPTED.phase_deg
     """Phase margin, degrees."""
-    gain_db: NotNegative = ACCEPTED_GAIN_DB
+    gain_db: NotNegative = ACCEPTED.gain_db
     """Gain margin upwards and downwards, dB."""
     delay_s: NotNegative = 0.2
     """Delay margin, s."""

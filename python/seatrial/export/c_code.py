@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from seatrial._core import Autopilot, Vehicle, autopilot_c, filter_c, vehicle_c
 from seatrial.base.atomic_write import whole_folder, write_atomic, writing
 from seatrial.base.errors import SimulationError, printable
-from seatrial.base.report import Report, Reported, Section, Table
+from seatrial.base.report import Reported
 from seatrial.base.run import version
 from seatrial.base.toml_file import loaded
 from seatrial.export.repeated import folded
@@ -61,7 +61,6 @@ class Program:
     step_s: float
 
 
-_CALLS = {"motors": "_predict: motors", "model": "_predict: model"}
 """What is recorded of a filter, as the table of operations names it: half a step of the motors, one of four
 stages of the equation of motion. Its matrix algebra is not among them."""
 
@@ -100,51 +99,6 @@ class CExport(Reported):
     programs: Programs
     folder: Path
     files: list[Path] = field(default_factory=list)
-
-    def report(self) -> Report:
-        """The files, their operations and their numbers."""
-        programs = self.programs.all()
-        kinds = ("simple", "quotients", "functions", "decisions", "tables", "all")
-        rows = [
-            (
-                f"{program.prefix}{_CALLS.get(function, f'_{function}')}",
-                *(str(counts[kind]) for kind in kinds),
-            )
-            for program in programs
-            for function, counts in program.operations.items()
-        ]
-        head = ["function", "+ - *", "/ sqrt", "sin exp …", "compare, select", "tables", "all"]
-        parts = ("parameters", "state", "inputs", "outputs")
-        sizes = [
-            (program.prefix, *(str(len(getattr(program, part))) for part in parts)) for program in programs
-        ]
-        last = self.programs.autopilot or self.programs.vehicle
-        steps = last.operations["step"]["all"]
-        return Report(
-            title=str(self.folder),
-            outcome="exported as C99",
-            good=f"{len(self.files)} files that need math.h alone; {steps} operations in a step of"
-            f" {last.prefix}",
-            worst=self._left_out(),
-            next_step=f"compile with gcc -std=c99 -O2 -c {self.files[-1].name}; -DSEATRIAL_FLOAT for float",
-            sections=(
-                Section(
-                    tables=(
-                        Table.of("Operations of a call", head, rows),
-                        Table.of("Numbers of the interface", ("program", *parts), sizes),
-                    )
-                ),
-            ),
-        )
-
-    def _left_out(self) -> str:
-        """What is fixed in the files."""
-        fixed = "dead times, limits, tables and zero coefficients"
-        if self.programs.autopilot is not None:
-            fixed += ", the mission and the autopilot's model of the vehicle"
-        if self.programs.filter is not None:
-            fixed += ", the filter's period and kinds of sensors"
-        return f"{fixed} are part of the program; to change them, export again"
 
     def to_dict(self) -> dict[str, Any]:
         """Files, operations and the numbers of the interfaces as plain data."""
@@ -337,10 +291,7 @@ def recorded(
 def written(folder: Path, texts: Mapping[str, str | bytes]) -> list[Path]:
     """Paths of files that were written into a folder, each whole or not at all.
 
-    Raises
-    ------
-    SimulationError
-        One cannot be written.
+    Raises `SimulationError`: one cannot be written.
     """
     paths = [folder / name for name in texts]
     with writing(folder, SimulationError, advice="choose another folder"), whole_folder(folder):
@@ -353,10 +304,7 @@ def written(folder: Path, texts: Mapping[str, str | bytes]) -> list[Path]:
 def identifier(name: str, *, given: bool) -> str:
     """A name as an identifier of C; one that was given must be one.
 
-    Raises
-    ------
-    SimulationError
-        It is none.
+    Raises `SimulationError`: it is none.
 
     Examples
     --------

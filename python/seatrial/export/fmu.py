@@ -31,7 +31,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
-from seatrial.base.report import Report, Reported, Section, Table
+from seatrial.base.report import Reported
 from seatrial.export.c_code import Program, Programs, recorded, written
 from seatrial.export.fmu_files import described
 
@@ -68,29 +68,6 @@ class FmuExport(Reported):
     compiler: str
     samples: int
     binary: bool = True
-
-    def report(self) -> Report:
-        """The units, what they hold and what runs them."""
-        none = "sources only: no C compiler is there" if self.binary else "sources only, as asked for"
-        binary = f"binary for {platform()} by {self.compiler}" if self.compiler else none
-        rows = [
-            (
-                program.prefix,
-                f"{program.step_s:g}",
-                *(str(len(part)) for part in (program.parameters, program.inputs, program.outputs)),
-            )
-            for program in self.programs.all()
-        ]
-        head = ["unit", "step, s", "parameters", "inputs", "outputs"]
-        sets = f", {self.samples} parameter sets of the covariance" if self.samples else ""
-        return Report(
-            title=", ".join(path.name for path in self.files),
-            outcome="exported",
-            good=f"{len(self.files)} units of FMI 2.0 and 3.0 with sources, {binary}{sets}",
-            worst="a communication step is a whole number of steps of the unit; others are refused",
-            next_step=f"check with fmpy validate {self.files[0]}; step the autopilot first, then the vehicle",
-            sections=(Section(tables=(Table.of("Units", head, rows),)),),
-        )
 
     def to_dict(self) -> dict[str, Any]:
         """Files, compiler and interfaces as plain data."""
@@ -282,10 +259,7 @@ def ran(
 def shared_library(sources: Mapping[str, str], compiled: Sequence[str], compiler: str) -> bytes:
     """The bytes of a shared library out of sources by name, of which the compiler is given some.
 
-    Raises
-    ------
-    SimulationError
-        The compiler fails.
+    Raises `SimulationError`: the compiler fails.
     """
     with tempfile.TemporaryDirectory() as folder:
         for name, text in sources.items():

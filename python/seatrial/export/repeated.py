@@ -27,13 +27,24 @@ _READ = re.compile(
 )
 _FUNCTION = re.compile(r"(?m)^(void \w+_(?:step|measure)\([^)]*\))\n\{\n(.*?)^\}\n", re.DOTALL)
 
-# Bytes on a Cortex-M7 at -Os: of a statement, an argument, a result and the call itself.
-_STATEMENT_BYTES, _ARGUMENT_BYTES, _RESULT_BYTES, _CALL_BYTES = 9, 7, 6, 8
-_LEAST_BYTES = 48  # a fold that gains less is not worth its name
-_SEED = 8  # statements: shorter runs are not looked for
-_SECTION = 300  # statements of a function at most
-_MOST_SEEDS = 12  # places compared with the first of a shape
-_COMPARED = 64  # statements compared at once first, then four times as many each time: most runs are short
+
+@dataclass(frozen=True)
+class RepetitionSettings:
+    """When repeated statements become a function of the generated C."""
+
+    statement_bytes: int = 9  #: Bytes of a statement on a Cortex-M7 at -Os.
+    argument_bytes: int = 7  #: Bytes of an argument there.
+    result_bytes: int = 6  #: Bytes of a result there.
+    call_bytes: int = 8  #: Bytes of a call there.
+    least_gain_bytes: int = 48  #: Gain in bytes below which a fold is not worth its name.
+    seed_statements: int = 8  #: Statements below which runs are not looked for.
+    section_statements: int = 300  #: Most statements of a function.
+    seeds_compared: int = 12  #: Places that are compared with the first of a shape.
+    #: Statements that are compared at once first, then four times as many each time: most runs are short.
+    first_compared: int = 64
+
+
+SETTINGS = RepetitionSettings()
 
 _Integers = NDArray[np.int64]
 
@@ -117,7 +128,7 @@ def folded(source: str) -> str:
 
 def _function(signature: str, block: _Block) -> str:
     """A function; a long one in sections, since compilers and checkers take more than in proportion."""
-    count = math.ceil(len(block.statements) / _SECTION)
+    count = math.ceil(len(block.statements) / SETTINGS.section_statements)
     if count > 1:
         return _in_sections(signature, block, count)
     body = [*block.head, *(statement.text() for statement in block.statements), *block.tail]
@@ -286,7 +297,7 @@ class _Folder:
     def _alike(self, first: tuple[int, int], other: tuple[int, int], most: int) -> tuple[int, list[str]]:
         """Statements that two runs share, and what the other reads from outside, as the first orders it."""
         a, b = self.index[first[0]], self.index[other[0]]
-        length, outside, chunk = 0, [], _COMPARED
+        length, outside, chunk = 0, [], SETTINGS.first_compared
         while length < most:
             count = min(chunk, most - length)
             mine = slice(first[1] + length, first[1] + length + count)
@@ -334,16 +345,16 @@ class _Folder:
         before: dict[tuple[int, int], str] = {}
         for number, block in enumerate(self.blocks):
             shapes = [statement.shape for statement in block.statements]
-            for at in range(len(shapes) - _SEED + 1):
-                groups[tuple(shapes[at : at + _SEED])].append((number, at))
+            for at in range(len(shapes) - SETTINGS.seed_statements + 1):
+                groups[tuple(shapes[at : at + SETTINGS.seed_statements])].append((number, at))
                 before[number, at] = shapes[at - 1] if at else ""
         for places in groups.values():
             # Where all go on backwards alike, the run from there on is the longer one.
             earlier = {before[place] for place in places}
             if len(places) < 2 or (len(earlier) == 1 and "" not in earlier and min(earlier)[:4] != "call"):
                 continue
-            for k, first in enumerate(places[:_MOST_SEEDS]):
-                run = self._longest(first, places[k + 1 : k + _MOST_SEEDS])
+            for k, first in enumerate(places[: SETTINGS.seeds_compared]):
+                run = self._longest(first, places[k + 1 : k + SETTINGS.seeds_compared])
                 if run is not None:
                     yield run
 
@@ -357,7 +368,7 @@ class _Folder:
             if other[0] == first[0]:
                 most = min(most, abs(other[1] - first[1]))
             shared, outside = self._alike(first, other, most)
-            if shared >= _SEED:
+            if shared >= SETTINGS.seed_statements:
                 matches.append((other, shared, outside))
         if not matches:
             return None
@@ -366,8 +377,8 @@ class _Folder:
         # Shorter runs may be found in more places, or need fewer arguments.
         best: _Run | None = None
         for length in sorted({n for _, shared, _ in matches for n in _lengths(shared)}, reverse=True):
-            gained = _STATEMENT_BYTES * length - _CALL_BYTES
-            if gained * len(matches) < (_LEAST_BYTES if best is None else best.gain):
+            gained = SETTINGS.statement_bytes * length - SETTINGS.call_bytes
+            if gained * len(matches) < (SETTINGS.least_gain_bytes if best is None else best.gain):
                 continue
             chosen: list[int] = []
             for m, (other, shared, _) in enumerate(matches):
@@ -385,9 +396,11 @@ class _Folder:
             calls = len(places)
             # A call costs its arguments and results; all places but one save the statements.
             arguments = distinct[before[length]]
-            once = _ARGUMENT_BYTES * arguments + _RESULT_BYTES * len(self._results(places, length))
-            gain = (calls - 1) * _STATEMENT_BYTES * length - calls * (once + _CALL_BYTES)
-            if gain >= _LEAST_BYTES and (best is None or gain > best.gain):
+            once = SETTINGS.argument_bytes * arguments + SETTINGS.result_bytes * len(
+                self._results(places, length)
+            )
+            gain = (calls - 1) * SETTINGS.statement_bytes * length - calls * (once + SETTINGS.call_bytes)
+            if gain >= SETTINGS.least_gain_bytes and (best is None or gain > best.gain):
                 best = _Run(places, length, gain, [names[: before[length]] for names in outside_of])
         return best
 
@@ -480,8 +493,8 @@ class _Folder:
 
 def _lengths(longest: int) -> Iterator[int]:
     """Lengths to try: the longest, and shorter ones that may read and leave less."""
-    yield from range(longest, max(longest - 3, _SEED), -1)
-    yield from range(_SEED, longest, max(longest // 4, 8))
+    yield from range(longest, max(longest - 3, SETTINGS.seed_statements), -1)
+    yield from range(SETTINGS.seed_statements, longest, max(longest // 4, 8))
 
 
 def _arguments(outside: Sequence[Sequence[str]]) -> dict[tuple[str, ...], int]:

@@ -26,10 +26,10 @@ from seatrial.ardusub.parameters import ParameterFile
 from seatrial.ardusub.servos import Channel, ChannelMap, map_channels, map_parameters
 from seatrial.base.errors import SimulationError, reason
 from seatrial.base.plain import Plain
-from seatrial.base.report import Report, Reported, Section, Table
+from seatrial.base.report import Reported
 from seatrial.base.toml_file import loaded
 from seatrial.flight.sensor_channels import sensors_of
-from seatrial.realtime.plant import Motion, Plant, Shown
+from seatrial.realtime.plant import Motion, Plant, Shown, motion_table
 
 if TYPE_CHECKING:
     import polars as pl
@@ -42,7 +42,17 @@ _HEAD = struct.Struct("<HHI")
 
 _SIZES = {MAGIC_16: 16, MAGIC_32: 32}  # channels of a packet, by its magic number
 
-_SLOWEST_HZ, _FASTEST_HZ = 1, 20_000  # of a frame rate that ArduPilot can mean
+
+@dataclass(frozen=True)
+class SitlSettings:
+    """Which packets of ArduPilot are taken."""
+
+    slowest_hz: int = 1  #: Lowest frame rate that ArduPilot can mean, Hz.
+    fastest_hz: int = 20_000  #: Highest frame rate that ArduPilot can mean, Hz.
+    packet_bytes: int = 2048  #: Bytes of a packet that are read: more than the longest one has.
+
+
+SETTINGS = SitlSettings()
 
 
 @dataclass(frozen=True)
@@ -76,7 +86,7 @@ class ServoPacket:
         if len(data) != length:
             return "short" if len(data) < length else "long"
         pwm = struct.unpack_from(f"<{channels}H", data, _HEAD.size)
-        if not _SLOWEST_HZ <= rate <= _FASTEST_HZ:
+        if not SETTINGS.slowest_hz <= rate <= SETTINGS.fastest_hz:
             return "rate"
         if max(pwm) > 3000:  # servo pulses are 800 to 2200 us long
             return "pulse"
@@ -117,8 +127,6 @@ def answer(motion: Motion, *, seabed_m: float | None = None) -> bytes:
 PORT = 9002  # that ArduPilot's JSON interface sends to by default
 
 LOOPBACK = "127.0.0.1"
-
-_LARGEST = 2048  # bytes of a packet that are read
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -173,59 +181,11 @@ class SitlSession(
 
     def table(self) -> pl.DataFrame:
         """Log as the columns of a trial."""
-        import polars as pl
-
-        names = ["t_s", "x_m", "y_m", "z_m", "roll_deg", "pitch_deg", "yaw_deg"]
-        names += ["u_m_s", "v_m_s", "w_m_s", "p_deg_s", "q_deg_s", "r_deg_s"]
-        names += [f"cmd.{channel.actuator}" for channel in self.mapping.channels]
-        data = np.array(self.rows, float).reshape(len(self.rows), len(names))
-        for k, name in enumerate(names):
-            if name.endswith(("_deg", "_deg_s")):
-                data[:, k] = np.rad2deg(data[:, k])
-        return pl.DataFrame(data, schema=names, orient="row")
+        return motion_table(self.rows, [f"cmd.{channel.actuator}" for channel in self.mapping.channels])
 
     def channels(self) -> dict[str, int]:
         """Number of the servo's channel by actuator."""
         return {channel.actuator: channel.number for channel in self.mapping.channels}
-
-    def report(self) -> Report:
-        """Report on the link."""
-        if not self.frames:
-            good = f"no packet of ArduPilot came in {self.wall_s:.1f} s"
-        else:
-            good = (
-                f"{self.frames} frames, {self.simulated_s:.1f} s of motion in {self.wall_s:.1f} s;"
-                f" {self.steps_per_s:.0f} steps per second of work, ArduPilot asked for {self.rate_hz}"
-            )
-        passed = ", ".join(f"{count} {word}" for word, count in sorted(self.ignored.items()))
-        worst = f"packets passed over: {passed}" if passed else "no packet was passed over"
-        if not self.frames and not passed:
-            worst = "nothing spoke to this port"
-        if self.lost:
-            worst = f"{self.lost} frames were lost on the way; {worst}"
-        if self.frames and self.steps_per_s < self.rate_hz:
-            worst = (
-                f"slower than real time: {self.steps_per_s:.0f} steps per second of work for {self.rate_hz}"
-                f" Hz; lower SIM_RATE_HZ; {worst}"
-            )
-        following = "use the log as a trial, or fly on"
-        if self.ended == "diverged":
-            following = "the motion grew beyond all bounds: check the signs of the channels"
-        elif not self.frames:
-            following = "start ArduPilot with --model JSON:127.0.0.1"
-        rows = [[word, str(count)] for word, count in sorted(self.ignored.items())]
-        counts = Table.of("Packets passed over", ["why", "packets"], rows)
-        return Report(
-            title=f"sitl {self.mapping.vehicle.name}",
-            outcome={"idle": "ended in silence", "frames": "done"}.get(self.ended, self.ended),
-            good=good,
-            worst=worst,
-            next_step=following,
-            sections=(
-                Section("Channels", tuple(self.notes), (self.mapping.table(),)),
-                Section("", (), (counts,)),
-            ),
-        )
 
 
 @dataclass
@@ -266,10 +226,7 @@ class _Link:
 def listen(host: str = LOOPBACK, port: int = PORT) -> socket.socket:
     """UDP socket that is bound to an address.
 
-    Raises
-    ------
-    SimulationError
-        The address is not to be had.
+    Raises `SimulationError`: the address is not to be had.
     """
     link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
@@ -484,7 +441,7 @@ def _serve(link: socket.socket, loop: _Loop, idle_s: float, max_frames: int | No
     try:
         while True:
             try:
-                data, sender = link.recvfrom(_LARGEST)
+                data, sender = link.recvfrom(SETTINGS.packet_bytes)
             except TimeoutError:
                 if time.monotonic() - last >= idle_s:
                     return "idle", time.monotonic() - begun

@@ -21,7 +21,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.atomic_write import parquet
 from seatrial.base.errors import SimulationError
 from seatrial.base.plain import Plain
-from seatrial.base.report import Report, Reported, Section, Table, clause_of
+from seatrial.base.report import Reported, clause_of
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
 from seatrial.base.toml_file import loaded
 from seatrial.base.work import Clock, takes
@@ -32,15 +32,25 @@ from seatrial.flight.mission import Mission
 from seatrial.flight.sensor_channels import sensors_of
 from seatrial.realtime.hardware import Hardware, HardwareFacts, udp_hardware
 from seatrial.realtime.live import Live
-from seatrial.realtime.plant import Motion, Plant, Shown
+from seatrial.realtime.plant import Motion, Plant, Shown, motion_table
 
 if TYPE_CHECKING:
     import polars as pl
 
     from seatrial._core import Helm
 
-_SPIN_S = 2e-4
-"""The last of a wait is spent looking at the clock: sleeping is only that exact."""
+
+@dataclass(frozen=True)
+class PaceSettings:
+    """How exactly a flight keeps time, how fast, and for how long."""
+
+    #: Last part of a wait that is spent looking at the clock, s: sleeping is only that exact.
+    spin_s: float = 2e-4
+    fastest_ratio: float = 1000.0  #: Highest speed over real time: a day in a minute and a half.
+    longest_s: float = 24 * 3600.0  #: Longest flight, s: all samples of its day stay in memory.
+
+
+SETTINGS = PaceSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,24 +76,8 @@ class Timing:
         """Lateness that a share of the ticks stayed below, s."""
         return float(np.quantile(self.lateness, share)) if len(self.lateness) else 0.0
 
-    def sentence(self) -> str:
-        """Ticks, jitter and overruns in a sentence."""
-        return (
-            f"{len(self.lateness)} ticks of {1e3 * self.period_s:g} ms: half began at most"
-            f" {1e3 * self.quantile(0.5):.3f} ms late, 99 % at most {1e3 * self.quantile(0.99):.3f} ms,"
-            f" the latest {1e3 * self.quantile(1.0):.2f} ms; {self.overruns} overruns"
-        )
-
-    def table(self) -> Table:
-        """Lateness and work at some quantiles."""
-        shares = (0.5, 0.9, 0.99, 1.0)
-        rows = [
-            [f"{100 * share:g} %", f"{1e3 * self.quantile(share):.3f}", f"{1e3 * self._work(share):.3f}"]
-            for share in shares
-        ]
-        return Table.of("Ticks", ["of the ticks at most", "late, ms", "work, ms"], rows)
-
-    def _work(self, share: float) -> float:
+    def work_quantile(self, share: float) -> float:
+        """Work that a share of the ticks stayed below, s."""
         return float(np.quantile(self.work, share)) if len(self.work) else 0.0
 
     def to_dict(self) -> dict[str, Any]:
@@ -93,7 +87,7 @@ class Timing:
             "ticks": len(self.lateness),
             "overruns": self.overruns,
             "late_s": {f"{share:g}": self.quantile(share) for share in (0.5, 0.9, 0.99, 1.0)},
-            "work_s": {f"{share:g}": self._work(share) for share in (0.5, 0.9, 0.99, 1.0)},
+            "work_s": {f"{share:g}": self.work_quantile(share) for share in (0.5, 0.9, 0.99, 1.0)},
         }
 
 
@@ -103,16 +97,7 @@ class Pacer:
     Tick k is due at ``begin + k period``. It overruns when its work ends after the next one is due; a late
     tick moves no later one: the loop catches up.
 
-    Parameters
-    ----------
-    period_s : float
-    clock, sleep : callable, optional
-        Monotonic time in s, and a pause.
-
-    Raises
-    ------
-    SimulationError
-        The period is not positive.
+    `clock`, `sleep`: monotonic time in s, and a pause. Raises `SimulationError`: the period is not positive.
 
     Examples
     --------
@@ -149,8 +134,8 @@ class Pacer:
             self._finish(now)
             self._due = self._begin + len(self._late) * self._period
             while (left := self._due - self._clock()) > 0.0:
-                if left > _SPIN_S:
-                    self._sleep(left - _SPIN_S)
+                if left > SETTINGS.spin_s:
+                    self._sleep(left - SETTINGS.spin_s)
         self._began = self._clock()
         self._late.append(max(0.0, self._began - self._due))
 
@@ -168,16 +153,12 @@ class Pacer:
 
 _CHANNELS = ("x", "y", "z", "roll", "pitch", "yaw", "u", "v", "w", "p", "q", "r")
 
-_FASTEST = 1000.0  # times real time, at most: a day in a minute and a half
-
-_LONGEST_S = 24 * 3600.0  # a day: all samples of a flight stay in memory
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RealtimeFlight(
     Plain,
     Reported,
-    only="vehicle=vehicle.name outcome complete depth_largest_m=_deepest_m reaction cause speed timing"
+    only="vehicle=vehicle.name outcome complete depth_largest_m=deepest_m reaction cause speed timing"
     " hardware warnings notes",
 ):
     """A flight by the clock.
@@ -228,59 +209,22 @@ class RealtimeFlight(
     def complete(self) -> bool:
         """Whether the mission was completed within its depth; with hardware, whether the time was flown."""
         ended = self.outcome == ("time is up" if self.hardware is not None else "complete")
-        return ended and not self._too_deep
+        return ended and not self.went_too_deep
 
     @property
-    def _too_deep(self) -> bool:
+    def went_too_deep(self) -> bool:
         """Whether the vehicle truly went deeper than the mission's largest depth."""
-        return bool(too_deep({"depth_largest_m": self._deepest_m}, self.max_depth_m))
+        return bool(too_deep({"depth_largest_m": self.deepest_m}, self.max_depth_m))
 
     @property
-    def _deepest_m(self) -> float:
+    def deepest_m(self) -> float:
+        """Largest depth that was flown, m."""
         return max((row[3] for row in self.rows), default=0.0)
 
     def table(self) -> pl.DataFrame:
         """Motion and commands as the columns of a trial."""
-        import polars as pl
-
-        names = ["t_s", "x_m", "y_m", "z_m", "roll_deg", "pitch_deg", "yaw_deg"]
-        names += ["u_m_s", "v_m_s", "w_m_s", "p_deg_s", "q_deg_s", "r_deg_s"]
-        names += [f"{kind}.{name}" for kind in ("cmd", "meas") for name in self.vehicle.actuators]
-        data = np.array(self.rows, float).reshape(len(self.rows), len(names))
-        for k, name in enumerate(names):
-            if name.endswith(("_deg", "_deg_s")):
-                data[:, k] = np.rad2deg(data[:, k])
-        return pl.DataFrame(data, schema=names, orient="row")
-
-    def report(self) -> Report:
-        """Report on the flight and on how it kept time."""
-        flown = len(self.rows) * self.timing.period_s * self.speed
-        late = self.timing.quantile(0.99)
-        worst = f"99 % of the ticks were at most {1e3 * late:.3f} ms late"
-        if self.timing.overruns:
-            worst = f"{self.timing.overruns} of {len(self.timing.lateness)} ticks overran; {worst}"
-        if self.hardware is not None:
-            worst = f"{self.hardware.sentence()}; {worst}"
-        if self.cause:
-            worst = f"{self.reaction} because of {self.cause}; {worst}"
-        if self.doubt:
-            worst = f"{self.doubt}; {worst}"
-        if self._too_deep:
-            deep = (
-                f"it went {self._deepest_m:.2f} m deep; the mission's largest depth is {self.max_depth_m:g} m"
-            )
-            worst = f"{deep}; {worst}"
-        tables: tuple[Table, ...] = (self.timing.table(),)
-        if self.hardware is not None:
-            tables += (self.hardware.table(),)
-        return Report(
-            title=self.vehicle.name,
-            outcome=f"{self.outcome}, beyond the mission's largest depth" if self._too_deep else self.outcome,
-            good=f"{flown:.1f} s of motion at {self.speed:g} times real time; {self.timing.sentence()}",
-            worst=worst,
-            next_step="open the recording in Foxglove, or score the log as a trial",
-            sections=(Section("", self.notes, tables),),
-        )
+        columns = [f"{kind}.{name}" for kind in ("cmd", "meas") for name in self.vehicle.actuators]
+        return motion_table(self.rows, columns)
 
     def warnings(self) -> list[str]:
         """Doubts about the flight, as sentences."""
@@ -374,12 +318,14 @@ def fly_realtime(
     believed: Vehicle = flown if conditions.model is None else loaded(Vehicle, conditions.model)
     pilot: Autopilot = loaded(Autopilot, autopilot)
     route: Mission = loaded(Mission, mission)
-    if not 0.0 < speed <= _FASTEST:
-        raise SimulationError(f"speed: expected more than 0 and at most {_FASTEST:g}, found {speed:g}")
+    if not 0.0 < speed <= SETTINGS.fastest_ratio:
+        raise SimulationError(
+            f"speed: expected more than 0 and at most {SETTINGS.fastest_ratio:g}, found {speed:g}"
+        )
     helm = pilot.engage(believed, route)
     longest = 3.0 * route.planned_time + 300.0 if max_time_s is None else max_time_s
-    if not 0.0 < longest <= _LONGEST_S:
-        raise SimulationError(f"max_time_s: expected up to {_LONGEST_S:g} s, found {longest:g}")
+    if not 0.0 < longest <= SETTINGS.longest_s:
+        raise SimulationError(f"max_time_s: expected up to {SETTINGS.longest_s:g} s, found {longest:g}")
     plant = Plant(flown, initial=_start(route), current=water.current, voltage_v=voltage_v)
     chosen = sensors_of(conditions.sensors, flown)
     shown = None if chosen is None else Shown(chosen, seed)

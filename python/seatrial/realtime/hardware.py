@@ -33,7 +33,6 @@ import numpy as np
 
 from seatrial.base.errors import SimulationError, reason
 from seatrial.base.plain import Plain
-from seatrial.base.report import Table
 from seatrial.realtime.plant import Motion
 
 SENSOR_MAGIC, COMMAND_MAGIC = 0x31535453, 0x31435453  # "STS1" and "STC1" in little-endian order
@@ -52,11 +51,16 @@ _LARGEST = 2048  # bytes of a datagram: more than a packet with the most actuato
 
 _MOST_ACTUATORS = 64  # a command packet stays below 300 bytes, so in one frame
 
-_MOST_PER_PERIOD = 256
-"""Packets that are read per period: a flood does not stop the loop."""
 
-_RESTART = 1000
-"""A sequence that is lower by more than this is one of hardware that began anew."""
+@dataclass(frozen=True)
+class HardwareSettings:
+    """Which packets of hardware count."""
+
+    packets_per_period: int = 256  #: Packets that are read per period: a flood does not stop the loop.
+    restart_drop: int = 1000  #: Drop of the sequence number by more than which hardware began anew.
+
+
+SETTINGS = HardwareSettings()
 
 
 def sensor_packet(
@@ -151,28 +155,6 @@ class HardwareFacts(
     round_trip_s: tuple[float, ...]
     unsent: Mapping[str, int] = field(default_factory=dict)
 
-    def sentence(self) -> str:
-        """What went over the link, in a sentence."""
-        lost = "".join(f"; {count} were not sent: {why}" for why, count in sorted(self.unsent.items()))
-        if not self.taken:
-            strangers = self.ignored.get("stranger", 0)
-            others = f"; {strangers} came from another address than the hardware's" if strangers else ""
-            return (
-                f"{self.sent} packets were sent, no good one came back: the actuators rested at"
-                f" neutral{lost}{others}"
-            )
-        trips = np.array(self.round_trip_s) if self.round_trip_s else np.zeros(1)
-        return (
-            f"{self.sent} packets sent, {self.taken} taken, {self.lost} lost; round trip"
-            f" {1e3 * float(np.median(trips)):.2f} ms in the middle, {1e3 * float(trips.max()):.2f} ms at"
-            f" most; the watchdog expired {self.expired} times{lost}"
-        )
-
-    def table(self) -> Table:
-        """Packets that were passed over."""
-        rows = [[word, str(count)] for word, count in sorted(self.ignored.items())]
-        return Table.of("Packets passed over", ["why", "packets"], rows)
-
     @property
     def round_trips(self) -> dict[str, float | None]:
         """Quantiles of the round trips, s, by share; None without any."""
@@ -238,7 +220,7 @@ class Hardware:
         ``altitude_m`` and ``voltage_v`` are shown where they are given.
         """
         now = self.clock()
-        for _ in range(_MOST_PER_PERIOD):
+        for _ in range(SETTINGS.packets_per_period):
             received = self.receive()
             if received is None:
                 break
@@ -250,7 +232,7 @@ class Hardware:
         self._neutral_periods += expired
         self._sequence += 1
         self._sent_at[self._sequence] = now
-        if len(self._sent_at) > 2 * _MOST_PER_PERIOD:
+        if len(self._sent_at) > 2 * SETTINGS.packets_per_period:
             del self._sent_at[next(iter(self._sent_at))]
         try:
             self.send(sensor_packet(motion, self._sequence, flags=WATCHDOG_FLAG * expired, **shown))
@@ -285,7 +267,7 @@ class Hardware:
             # Numbers of 32 bits go round.
             step = (command.sequence - self._last) & 0xFFFFFFFF
             behind = 0x100000000 - step
-            if step == 0 or (step > 0x7FFFFFFF and behind <= _RESTART and not silent):
+            if step == 0 or (step > 0x7FFFFFFF and behind <= SETTINGS.restart_drop and not silent):
                 self._ignored["old"] += 1
                 return
             if step <= 0x7FFFFFFF:
@@ -311,10 +293,7 @@ def udp_hardware(
     Own address is `listen_on`; when omitted the one from which this machine reaches the peer, which is
     loopback for a peer on this machine.
 
-    Raises
-    ------
-    SimulationError
-        An address is not to be had, or no network leads to the peer.
+    Raises `SimulationError`: an address is not to be had, or no network leads to the peer.
     """
     link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:

@@ -21,6 +21,7 @@ import socket
 import threading
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -33,8 +34,18 @@ from seatrial.realtime.plant import Motion
 
 _EARTH, _BODY = "earth", "vehicle"
 
-_TRACK_POINTS = 2000
-"""Points of the track that are shown: older ones are thinned."""
+
+@dataclass(frozen=True)
+class LiveSettings:
+    """How much the page of a running flight shows and takes."""
+
+    track_points: int = 2000  #: Points of the track that are shown: older ones are thinned.
+    request_bytes: int = 16_384  #: Most bytes of a request.
+    request_s: float = 5.0  #: Longest time for a request, s.
+    most_connections: int = 32  #: Most connections at a time.
+
+
+SETTINGS = LiveSettings()
 
 
 class Live:
@@ -146,7 +157,7 @@ class Live:
         self._flight.log({"t_s": motion.t_s, **numbers}, log_time=ns)
         if self._count % self._stride == 0:
             self._track.append(m.Point3(x=float(east), y=float(north), z=float(up)))
-            if len(self._track) > _TRACK_POINTS:  # every second point, and half as many from here on
+            if len(self._track) > SETTINGS.track_points:  # every second point, and half as many from here on
                 self._track, self._stride = self._track[::2], 2 * self._stride
         if self._count % self._every == 0:
             self._scene.log(self._drawn(stamp), log_time=ns)
@@ -211,10 +222,6 @@ OWN_ORIGINS = ("https://app.foxglove.dev", "https://app.foxglove.com", "file://"
 
 _LOCAL = ("localhost", "127.0.0.1", "::1")
 
-_LONGEST_HEAD, _HEAD_S = 16_384, 5.0  # bytes and time of a request
-
-_MOST = 32  # connections at a time
-
 _REFUSED = b"HTTP/1.1 403 Forbidden\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
 
 
@@ -257,19 +264,8 @@ def hidden_address() -> str:
 class Gate:
     """Listens where the server is said to be, and hands on what may reach it.
 
-    Parameters
-    ----------
-    host, port : str, int
-        Own address; port 0 takes a free one.
-    server : (str, int)
-        Address of the server.
-    origins : sequence of str
-        Origins of pages that may reach it, too: ``https://example.org``.
-
-    Raises
-    ------
-    OSError
-        The address is not to be had.
+    `host`, `port`: own address; port 0 takes a free one; `server`: address of the server; `origins`: origins
+    of pages that may reach it, too: ``https://example.org``. Raises `OSError`: the address is not to be had.
     """
 
     def __init__(self, host: str, port: int, server: tuple[str, int], origins: Sequence[str]) -> None:
@@ -277,7 +273,7 @@ class Gate:
         self._listener = socket.create_server((host, port))
         self.port: int = self._listener.getsockname()[1]
         self._open: set[socket.socket] = set()
-        self._free = threading.Semaphore(_MOST)
+        self._free = threading.Semaphore(SETTINGS.most_connections)
         threading.Thread(target=self._listen, daemon=True).start()
 
     def close(self) -> None:
@@ -326,9 +322,9 @@ class Gate:
 
 def _head(client: socket.socket) -> bytes:
     """Head of a request, and what came with it."""
-    client.settimeout(_HEAD_S)
+    client.settimeout(SETTINGS.request_s)
     head = b""
-    while b"\r\n\r\n" not in head and len(head) < _LONGEST_HEAD and (part := client.recv(4096)):
+    while b"\r\n\r\n" not in head and len(head) < SETTINGS.request_bytes and (part := client.recv(4096)):
         head += part
     return head
 

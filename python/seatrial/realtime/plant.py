@@ -12,7 +12,7 @@ which is (0, 0, -g) at rest and level (Fossen 2011, section 11.5); at a lever ar
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -26,6 +26,8 @@ from seatrial.base.errors import DivergenceError, SimulationError
 from seatrial.base.frames import from_euler, matrix, to_euler
 
 if TYPE_CHECKING:
+    import polars as pl
+
     from seatrial.sensors.sensor import Sensor
 
 
@@ -226,11 +228,7 @@ _KINDS = {
 class Shown:
     """What the sensors show of a motion: noise, offset, digits, rate and latency of each; the rest is true.
 
-    Parameters
-    ----------
-    sensors : mapping of str to Sensor
-        By kind; position, depth, attitude, dvl and gyro count.
-    seed : int, optional
+    `sensors`: by kind; position, depth, attitude, dvl and gyro count.
 
     Attributes
     ----------
@@ -293,3 +291,15 @@ class Shown:
             value = np.round(value / step) * step
         self._held[kind] = (t_s, value)
         return np.asarray(value)
+
+
+def motion_table(rows: Sequence[Sequence[float]], others: Sequence[str]) -> pl.DataFrame:
+    """Rows of time, position, attitude and velocity (SI), and of other columns, as the columns of a trial."""
+    import polars as pl
+
+    names = ["t_s", "x_m", "y_m", "z_m", "roll_deg", "pitch_deg", "yaw_deg"]
+    names += ["u_m_s", "v_m_s", "w_m_s", "p_deg_s", "q_deg_s", "r_deg_s", *others]
+    data = np.array(rows, float).reshape(len(rows), len(names))
+    angles = [k for k, name in enumerate(names) if name.endswith(("_deg", "_deg_s"))]
+    data[:, angles] = np.rad2deg(data[:, angles])
+    return pl.DataFrame(data, schema=names, orient="row")

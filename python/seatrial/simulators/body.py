@@ -26,11 +26,20 @@ _FORCES, _VELOCITIES = "XYZKMN", "uvwpqr"
 
 _MOTIONS = tuple(MOTIONS.values())
 
-_SYMMETRY = 1e-6  # of the larger entry: files hold some seven digits
 
-_BUOYANCY = 0.05  # of the weight: vehicles are trimmed more closely, so more is a mistake in the file
+@dataclass(frozen=True)
+class BodySettings:
+    """What of a model is rounding, and what is a mistake."""
 
-_SMALL = 1e-12  # below it an entry is what turning the axes leaves of a zero
+    #: Difference of mirrored entries, as a share of the larger: files hold some seven digits.
+    symmetry_share: float = 1e-6
+    #: Difference of buoyancy and weight, as a share of the weight: vehicles are trimmed more closely, so more
+    #: is a mistake in the file.
+    buoyancy_share: float = 0.05
+    zero_share: float = 1e-12  #: Entry that turning the axes leaves of a zero.
+
+
+SETTINGS = BodySettings()
 
 
 def _zeros() -> Array:
@@ -100,15 +109,16 @@ class Body:
         # A geometry would fill what is left out.
         for force, velocity in zip(_FORCES, _VELOCITIES, strict=True):
             needed |= {f"{force}_{velocity}{end}" for end in ("", velocity, "dot")}
-        return {name: value for name, value in values.items() if name in needed or abs(value) > _SMALL}
+        return {
+            name: value
+            for name, value in values.items()
+            if name in needed or abs(value) > SETTINGS.zero_share
+        }
 
     def toml(self, comments: tuple[str, ...] = ()) -> str:
         """Vehicle file without actuators.
 
-        Raises
-        ------
-        VehicleError
-            The numbers are no vehicle.
+        Raises `VehicleError`: the numbers are no vehicle.
         """
         document = tomlkit.document()
         for line in comments:
@@ -136,10 +146,7 @@ def _names() -> set[str]:
 def body_of(vehicle: Vehicle) -> Body:
     """What gz-sim takes of a vehicle: mass, buoyancy, added mass, damping.
 
-    Raises
-    ------
-    VehicleError
-        It has no mass.
+    Raises `VehicleError`: it has no mass.
     """
     given = vehicle.coefficients()
     if not given.get("m", 0.0) > 0.0:
@@ -205,7 +212,7 @@ def contradictions(body: Body) -> tuple[Body, list[str]]:
                 added[k, k] = -added[k, k]
     unequal = np.abs(added - added.T)
     larger = np.maximum(np.abs(added), np.abs(added.T))
-    if (unequal > _SYMMETRY * larger).any():
+    if (unequal > SETTINGS.symmetry_share * larger).any():
         i, j = np.unravel_index(int(unequal.argmax()), (6, 6))
         sentences.append(
             f"added mass is not symmetric: entry {i + 1},{j + 1} is {added[i, j]:.6g}, entry {j + 1},{i + 1}"
@@ -240,7 +247,7 @@ def _rigid_sentences(body: Body) -> list[str]:
     weight = body.mass * body.g
     if body.buoyancy is None:
         sentences.append("the file tells no buoyancy: neutral was taken, B = W.")
-    elif abs(body.buoyancy - weight) > _BUOYANCY * weight:
+    elif abs(body.buoyancy - weight) > SETTINGS.buoyancy_share * weight:
         volume = body.buoyancy / (body.rho * body.g)
         word = "rises" if body.buoyancy > weight else "sinks"
         sentences.append(

@@ -15,7 +15,7 @@ from seatrial.base.atomic_write import write_atomic, writing
 from seatrial.base.budget import Budget, guarded
 from seatrial.base.errors import VehicleError
 from seatrial.base.plain import Plain
-from seatrial.base.report import Report, Reported, Section, Table
+from seatrial.base.report import Report, Reported, report_of
 from seatrial.base.toml_file import loaded
 from seatrial.simulators.body import body_of, contradictions
 from seatrial.simulators.sdf import parse, read, read_bytes, write
@@ -50,28 +50,6 @@ class ImportedModel(Reported):
     contradictions: tuple[str, ...]
     left: tuple[str, ...]
 
-    def report(self) -> Report:
-        """Report on the import."""
-        values = self.vehicle.coefficients()
-        count = sum(1 for name, value in values.items() if value)
-        doubts = len(self.contradictions)
-        worst = (
-            self.contradictions[0] if doubts else "no contradiction was found in signs, symmetry and buoyancy"
-        )
-        rows = [[name, f"{value:.6g}"] for name, value in sorted(values.items()) if value]
-        return Report(
-            title=self.source,
-            outcome="read as a model of gz-sim",
-            good=f"{count} coefficients, forward-right-down about the link's origin; {doubts} contradictions",
-            worst=worst,
-            next_step="add thrusters to the vehicle file, then seatrial check",
-            sections=(
-                Section("Contradictions", self.contradictions),
-                Section("Not taken", self.left),
-                Section("Coefficients", (), (Table.of("", ["name", "value"], rows),)),
-            ),
-        )
-
     def to_dict(self) -> dict[str, Any]:
         """The same as plain data."""
         return {
@@ -91,16 +69,8 @@ class ExportedModel(Reported, Plain, only="vehicle=vehicle.name lost"):
     lost: tuple[str, ...]
 
     def report(self, out: str = "") -> Report:
-        """Report on the export."""
-        return Report(
-            title=self.vehicle.name,
-            outcome="written for gz-sim",
-            good=f"mass, inertia, buoyancy, added mass and damping in {out or 'the model'}, frames turned"
-            " where gz-sim has others",
-            worst=self.lost[0] if self.lost else "nothing is lost",
-            next_step="add thrusters and sensors in the words of gz-sim",
-            sections=(Section("Lost", self.lost),),
-        )
+        """Report on the export to a file."""
+        return report_of(self, out=out)
 
 
 def import_model(path: str | Path, *, name: str | None = None, rho: float | None = None) -> ImportedModel:
@@ -161,10 +131,7 @@ def export_model(vehicle: Vehicle | str | Path) -> ExportedModel:
 def write_text(path: Path, text: str) -> None:
     """Write a text whole or not at all.
 
-    Raises
-    ------
-    VehicleError
-        It cannot be written.
+    Raises `VehicleError`: it cannot be written.
     """
     with writing(path, VehicleError, advice="choose another folder"):
         write_atomic(path, text.encode())

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.parsers import expat
@@ -29,9 +30,18 @@ from seatrial.simulators.body import FLIP, Body
 
 Element = ElementTree.Element
 
-_LARGEST = 5_000_000  # bytes: models are some ten thousand
 
-_DEEPEST, _MOST = 100, 100_000  # of elements: a robot is some 10 deep and has some hundred
+@dataclass(frozen=True)
+class SdfLimits:
+    """How large a model file may be."""
+
+    most_bytes: int = 5_000_000  #: Most bytes of a file: models are some ten thousand.
+    most_depth: int = 100  #: Most elements within each other: a robot is some 10 deep.
+    most_elements: int = 100_000  #: Most elements: a robot has some hundred.
+
+
+LIMITS = SdfLimits()
+
 
 _FORCES, _VELOCITIES, _ADDED = "xyzkmn", "UVWPQR", "xyzpqr"
 
@@ -45,19 +55,16 @@ _FLIP6 = FLIP[:, None] * FLIP[None, :]
 def read_bytes(path: str | Path) -> bytes:
     """Content of a model file.
 
-    Raises
-    ------
-    VehicleError
-        It cannot be read, or is larger than any model.
+    Raises `VehicleError`: it cannot be read, or is larger than any model.
     """
     try:
         with Path(path).open("rb") as file:
-            content = file.read(_LARGEST + 1)
+            content = file.read(LIMITS.most_bytes + 1)
     except OSError as error:
         raise VehicleError(f"{path}: cannot be read ({reason(error)}); give a model file") from None
-    if len(content) > _LARGEST:
+    if len(content) > (most := LIMITS.most_bytes):
         raise VehicleError(
-            f"{path}: expected a model of at most {_LARGEST / 1e6:g} MB, found a larger file; is it a mesh?"
+            f"{path}: expected a model of at most {most / 1e6:g} MB, found a larger file; is it a mesh?"
         )
     return content
 
@@ -65,10 +72,7 @@ def read_bytes(path: str | Path) -> bytes:
 def parse(content: bytes, source: str) -> Element:
     """Root element of an XML text.
 
-    Raises
-    ------
-    VehicleError
-        It is no XML, declares a document type or entities, or is too deep or too long.
+    Raises `VehicleError`: it is no XML, declares a document type or entities, or is too deep or too long.
 
     Examples
     --------
@@ -88,10 +92,10 @@ def parse(content: bytes, source: str) -> Element:
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal depth, count
         depth, count = depth + 1, count + 1
-        if depth > _DEEPEST or count > _MOST:
+        if depth > LIMITS.most_depth or count > LIMITS.most_elements:
             raise VehicleError(
-                f"{source}: row {parser.CurrentLineNumber}: expected at most {_MOST} elements, {_DEEPEST}"
-                " deep, found more; give the model alone, not a world"
+                f"{source}: row {parser.CurrentLineNumber}: expected at most {LIMITS.most_elements} elements,"
+                f" {LIMITS.most_depth} deep, found more; give the model alone, not a world"
             )
         builder.start(tag, attributes)
 
@@ -125,10 +129,7 @@ def _local(element: Element) -> str:
 def numbers(text: str | None, where: str, *, count: int = 1) -> list[float]:
     """Numbers of a text, as many as `count`.
 
-    Raises
-    ------
-    VehicleError
-        There are others, or one is not finite.
+    Raises `VehicleError`: there are others, or one is not finite.
 
     Examples
     --------
@@ -174,18 +175,8 @@ def _pose(text: str | None, where: str) -> tuple[Array, Array]:
 def read(root: Element, source: str, *, rho: float | None = None) -> tuple[Body, tuple[str, ...]]:
     """Body of a model, and sentences on what was not taken.
 
-    Parameters
-    ----------
-    root : Element
-    source : str
-        Of messages.
-    rho : float, optional
-        Density of the water, kg/m3, instead of that of the plugin.
-
-    Raises
-    ------
-    VehicleError
-        The model has no link with the plugin Hydrodynamics, or a number is none.
+    `source`: of messages; `rho`: density of the water, kg/m3, instead of that of the plugin. Raises
+    `VehicleError`: the model has no link with the plugin Hydrodynamics, or a number is none.
     """
     plugins = [plugin for plugin in root.iter("plugin") if _is_hydrodynamics(plugin)]
     if not plugins:

@@ -46,9 +46,22 @@ if TYPE_CHECKING:
 GROUPS = (("heave",), ("heading", "cross_track"), ("surge",), ("sway",), ("pitch", "depth"))
 """Loops and paths that are searched together, in the order of the search: what holds the hull level first."""
 
-_GUIDANCE_BOUNDS = (0.3, 3.0)  # factors on numbers of guidance: half a decade either way
 
-_ABOUT_FIT = (0.5, 2.0)  # of the lookahead that goes with the loop: always within the bounds
+@dataclass(frozen=True)
+class ControlProblemSettings:
+    """How far numbers of guidance may go, and how points beyond gains are searched."""
+
+    #: Factors on numbers of guidance: half a decade either way.
+    guidance_factors: tuple[float, float] = (0.3, 3.0)
+    #: Factors on the lookahead that goes with the loop: they are always within the bounds.
+    lookahead_factors: tuple[float, float] = (0.5, 2.0)
+    #: Candidates per generation of the search for points beyond gains: less than a second in all.
+    search_population: int = 32
+    search_generations: int = 100  #: Generations of that search.
+    search_tolerance: float = 1e-2  #: Change of the result at which that search ends.
+
+
+SETTINGS = ControlProblemSettings()
 
 
 @dataclass(frozen=True)
@@ -294,7 +307,9 @@ class ControlProblem(TuningScope):
                 parameters += GainParameters.of_number(f"{rider}.reference_rad_s", filtered, (0.3, 3.0))
             for path in chosen:
                 for name in GUIDANCE.get(path, ()):
-                    bounds = self._lookahead_bounds(path) if "lookahead" in name else _GUIDANCE_BOUNDS
+                    bounds = (
+                        self._lookahead_bounds(path) if "lookahead" in name else SETTINGS.guidance_factors
+                    )
                     parameters += GainParameters.of_number(name, gains.get(name, 0.0), bounds)
             if not len(parameters):
                 raise CampaignError(
@@ -307,8 +322,10 @@ class ControlProblem(TuningScope):
     def _lookahead_bounds(self, path: str) -> tuple[float, float]:
         """Bounds of the factor on a lookahead, which reach to what goes with the loop as well."""
         fits = course_lookahead(self, self.autopilot, path)[0] / self.autopilot.gains()[GUIDANCE[path][0]]
-        least, most = _GUIDANCE_BOUNDS
-        return min(least, _ABOUT_FIT[0] * fits), max(most, _ABOUT_FIT[1] * fits)
+        least, most = SETTINGS.guidance_factors
+        return min(least, SETTINGS.lookahead_factors[0] * fits), max(
+            most, SETTINGS.lookahead_factors[1] * fits
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Trials and parameters as plain data."""
@@ -326,23 +343,13 @@ class ControlProblem(TuningScope):
         }
 
 
-# Of the search for points beyond gains: less than a second.
-_POPULATION, _GENERATIONS, _TOLERANCE = 32, 100, 1e-2
-
-
 def beyond_gains(
     limits: MarginConstraint, start: Mapping[str, float], *, bounds: tuple[float, float]
 ) -> tuple[tuple[str, float], ...]:
     """Points (mode, speed in m/s) of some limits that no gains within the bounds keep stable.
 
-    Parameters
-    ----------
-    limits : MarginConstraint
-        Of the autopilot; points where no margin is asked for are left out.
-    start : mapping of str to float
-        Start gains, by the names of `Autopilot.gains`.
-    bounds : (float, float)
-        Of the factors on the start gains.
+    `limits`: of the autopilot; points where no margin is asked for are left out; `start`: start gains, by the
+    names of `Autopilot.gains`; `bounds`: of the factors on the start gains.
 
     Examples
     --------
@@ -386,9 +393,9 @@ def _slowest_growth(
         lower=lower,
         upper=upper,
         seed=0,
-        population=_POPULATION,
-        generations=_GENERATIONS,
-        tolerance=_TOLERANCE,
+        population=SETTINGS.search_population,
+        generations=SETTINGS.search_generations,
+        tolerance=SETTINGS.search_tolerance,
         enough=lambda: least == 0.0,
     )
     return least

@@ -34,12 +34,35 @@ if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
     from seatrial.tuning.step_trial import Rig
 
-# Of the step: dead time ends at 5 %, a rise at 90 %, begun at 0 or 10 %.
-_BEGUN, _RISES_FROM, _RISEN = 0.05, 0.1, 0.9
 
-_TAIL = 0.1  # last share of a record, over which a steady error is averaged
+@dataclass(frozen=True)
+class CriterionSettings:
+    """How a step response is measured, and what room a default corridor leaves."""
 
-_EVEN = 1e-6  # how far a gap of the grid may differ from the others, as a share
+    begun_share: float = 0.05  #: Share of the step at which the dead time ends.
+    rise_from_share: float = 0.1  #: Share of the step from which the rise time counts.
+    risen_share: float = 0.9  #: Share of the step at which a response has risen.
+    steady_share: float = 0.1  #: Last share of a record, over which a steady error is averaged.
+    uneven_share: float = 1e-6  #: How far a gap of the grid may differ from the others, as a share.
+    noise_seeds: tuple[int, int] = (11, 12)  #: Seeds of two noises: one alone may flatter the start gains.
+    #: Standard deviation at rest, as a share of the step, above which a loop does not hold at all.
+    held_share: float = 0.25
+    reach_share: float = 0.5  #: Share of the reach that is left to other loops.
+    #: Rise time over the time that the largest acceleration needs: the loop must also brake.
+    time_ratio: float = 2.0
+    shortest_rise_s: float = 2.0  #: Shortest rise time that makes sense for an underwater vehicle, s.
+    longest_rise_s: float = 60.0  #: Longest rise time that makes sense for an underwater vehicle, s.
+    usual_overshoot: float = 0.15  #: Overshoot of a good loop, as a share of the step.
+    largest_overshoot: float = 0.3  #: Largest overshoot that is accepted, as a share of the step.
+    usual_band: float = 0.08  #: Band of a settled response, as a share of the step.
+    largest_band: float = 0.1  #: Widest band that still counts as settled, as a share of the step.
+    settling_ratio: float = 2.5  #: Settling time over rise time, by the vehicle's limits.
+    end_ratio: float = 1.6  #: End of the corridor over settling time: from there on it only has to stay.
+    band_deviations: float = 5.0  #: Standard deviations of the response at rest that a band has room for.
+    improvement_share: float = 0.95  #: What a corridor asks for over what the start gains do.
+
+
+SETTINGS = CriterionSettings()
 
 
 @dataclass(frozen=True)
@@ -74,17 +97,8 @@ class StepMetrics:
 def normalised(response: ArrayLike, before: ArrayLike, after: ArrayLike) -> Array:
     """Response (..., n) as a share of its step: 0 at the set point before, 1 at that after.
 
-    Parameters
-    ----------
-    response : array, shape (..., n)
-        In any unit.
-    before, after : array, shape (...)
-        Set points in the same unit.
-
-    Raises
-    ------
-    SimulationError
-        A step of size zero.
+    `response` (..., n): in any unit; `before`, `after` (...): set points in the same unit. Raises
+    `SimulationError`: a step of size zero.
 
     Examples
     --------
@@ -103,18 +117,9 @@ def normalised(response: ArrayLike, before: ArrayLike, after: ArrayLike) -> Arra
 def violations(t: ArrayLike, y: ArrayLike, corridor: Corridor) -> Array:
     """Area below the lower and above the upper bound (..., 2) in s, without weights.
 
-    Parameters
-    ----------
-    t : array, shape (n,)
-        Even grid of the control periods, s since the step.
-    y : array, shape (..., n)
-        Normalised responses; one that is not finite anywhere has an infinite area.
-    corridor : Corridor
-
-    Raises
-    ------
-    SimulationError
-        The grid is not even, or does not fit the responses.
+    `t` (n,): even grid of the control periods, s since the step; `y` (..., n): normalised responses; one that
+    is not finite anywhere has an infinite area. Raises `SimulationError`: the grid is not even, or does not
+    fit the responses.
 
     Examples
     --------
@@ -165,19 +170,9 @@ def time_weighted_error(t: ArrayLike, y: ArrayLike, corridor: Corridor) -> Array
 def step_metrics(t: ArrayLike, y: ArrayLike, *, band: float = 0.05) -> StepMetrics:
     """Figures of one step response, between samples by linear interpolation.
 
-    Parameters
-    ----------
-    t : array, shape (n,)
-        Time since the step, s, rising; samples before it do not count.
-    y : array, shape (n,)
-        Normalised response.
-    band : float
-        Half-width of the band in which it settles, as a share of the step.
-
-    Raises
-    ------
-    SimulationError
-        Fewer than two samples from the step on, times that do not rise, or arrays that do not fit.
+    `t` (n,): time since the step, s, rising; samples before it do not count; `y` (n,): normalised response;
+    `band`: half-width of the band in which it settles, as a share of the step. Raises `SimulationError`:
+    fewer than two samples from the step on, times that do not rise, or arrays that do not fit.
 
     Examples
     --------
@@ -201,10 +196,13 @@ def step_metrics(t: ArrayLike, y: ArrayLike, *, band: float = 0.05) -> StepMetri
     # What diverged has no figures; infinite ones fail every limit.
     if not np.isfinite(response).all():
         return StepMetrics(*[math.inf] * 7)
-    risen, from_ten = _first(at, response, _RISEN), _first(at, response, _RISES_FROM)
-    tail = at >= at[-1] - _TAIL * (at[-1] - at[0])
+    risen, from_ten = (
+        _first(at, response, SETTINGS.risen_share),
+        _first(at, response, SETTINGS.rise_from_share),
+    )
+    tail = at >= at[-1] - SETTINGS.steady_share * (at[-1] - at[0])
     return StepMetrics(
-        dead_s=_first(at, response, _BEGUN),
+        dead_s=_first(at, response, SETTINGS.begun_share),
         rise_s=risen,
         rise_10_90_s=risen - from_ten if math.isfinite(risen) else math.inf,
         overshoot=max(float(response.max()) - 1.0, 0.0),
@@ -248,7 +246,7 @@ def _grid(t: ArrayLike, y: ArrayLike) -> tuple[Array, Array, float]:
         raise SimulationError("responses to hold against a corridor: expected two or more periods, found one")
     period = float(at[-1] - at[0]) / (len(at) - 1)
     gaps = np.diff(at)
-    if not (period > 0.0 and np.abs(gaps - period).max() <= _EVEN * period):
+    if not (period > 0.0 and np.abs(gaps - period).max() <= SETTINGS.uneven_share * period):
         raise SimulationError(
             f"responses to hold against a corridor: expected one sample per control period, found gaps from"
             f" {gaps.min():.4g} to {gaps.max():.4g} s; resample them evenly"
@@ -260,11 +258,6 @@ def _total(values: Array, response: Array, period: float) -> Array:
     """Sum (...) over the periods, infinite where the response is not finite."""
     finite = np.isfinite(response).all(axis=-1)
     return np.asarray(np.where(finite, np.sum(values, axis=-1) * period, np.inf))
-
-
-_SEEDS = (11, 12)  # two noises: one may flatter the start gains
-
-_AT_REST = 0.25  # of the step: what moves more at rest, as the deviation, is not held at all
 
 
 @dataclass(frozen=True)
@@ -292,7 +285,9 @@ def start_metrics(rig: Rig, trials: LoopTrials) -> StartMetrics:
     The noise at rest is what sensors, dead band and least thrust leave of a straight line: the standard
     deviation over the second half of the time before the step, its trend taken out.
     """
-    still = Samples({}, np.zeros((len(_SEEDS), 3)), _SEEDS, len(_SEEDS))
+    still = Samples(
+        {}, np.zeros((len(SETTINGS.noise_seeds), 3)), SETTINGS.noise_seeds, len(SETTINGS.noise_seeds)
+    )
     t, answers = rig.responses(trials, still, {})
     values = answers[trials.names[0]]
     rest = (t > 0.5 * trials.settle_s) & (t <= trials.settle_s)
@@ -302,7 +297,7 @@ def start_metrics(rig: Rig, trials: LoopTrials) -> StartMetrics:
         for each in values[trial]:
             deviation = _about_a_line(t[rest], each[rest])
             normalised = (each[there] - trials.base(trial)) / size
-            if not (np.isfinite(normalised).all() and deviation < _AT_REST * abs(size)):
+            if not (np.isfinite(normalised).all() and deviation < SETTINGS.held_share * abs(size)):
                 continue
             noises.append(deviation)
             metrics = step_metrics(t[there] - trials.settle_s, normalised, band=trials.settled)
@@ -319,24 +314,6 @@ def _about_a_line(t: Array, values: Array) -> float:
         return float("inf")
     return float(np.std(values - np.polyval(np.polyfit(t - t[0], values, 1), t - t[0])))
 
-
-_LEFT = 0.5  # of the reach, to other loops
-
-_ROOM = 2.0  # of the time that the largest acceleration needs: the loop must also brake
-
-_SHORTEST_S, _LONGEST_S = 2.0, 60.0  # rise times that make sense for an underwater vehicle
-
-_OVERSHOOT, _OVERSHOOT_MOST = 0.15, 0.3  # of the step: what a good loop does, and the most that is accepted
-
-_SETTLED, _SETTLED_MOST = 0.08, 0.1  # of the step: band of a settled response
-
-_SETTLING = 2.5  # over the rise, by the limits
-
-_END = 1.6  # over the settling: from there on it only has to stay
-
-_DEVIATIONS = 5.0  # of the answer at rest, that a band has room for
-
-_BETTER = 0.95  # of what the start gains do
 
 _PATHS = {"depth": "pitch", "cross_track": "heading"}
 
@@ -357,7 +334,7 @@ def steps_above_noise(
     (0.5, -0.5)
     """
     usual = default_steps(loop, top_m_s=top_m_s, largest=largest)[0]
-    needed = _DEVIATIONS * noise / _SETTLED / LOOPS[loop].to_si
+    needed = SETTINGS.band_deviations * noise / SETTINGS.usual_band / LOOPS[loop].to_si
     if needed > usual:
         digit = 10.0 ** (math.floor(math.log10(needed)) - 1)
         # At most 2.5 times the usual step.
@@ -389,21 +366,9 @@ def default_corridor(
     integrator, e.g. Bryson and Ho, *Applied Optimal Control* (1975), section 3.9. Held by
     tests/tuning/test_tuning_plan.py.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-    autopilot : Autopilot
-    loop : str
-        A loop, or a path that rides on one.
-    steps : sequence of float
-        m/s, m or deg.
-    weights : Weights
-    speeds_m_s : sequence of float, optional
-        Of the trials; fins turn the hull the less the slower it goes.
-    voltage_v : float, optional
-        Supply at which tables of thrust are read, V.
-    start : StartMetrics, optional
-        What the loop does with its start gains; by default only the vehicle's limits count.
+    `loop`: a loop, or a path that rides on one; `steps`: m/s, m or deg; `speeds_m_s`: of the trials; fins
+    turn the hull the less the slower it goes; `voltage_v`: supply at which tables of thrust are read, V;
+    `start`: what the loop does with its start gains; by default only the vehicle's limits count.
 
     Examples
     --------
@@ -431,21 +396,35 @@ def default_corridor(
         tau = min(float(ends[ends > 0.0].min(initial=np.inf)), facts.loops[rider]["tau_max"])
         inertia = float(np.asarray(vehicle.mass_matrix())[ROWS.index(row), ROWS.index(row)])
         # A least acceleration keeps the rise time of a row without reach finite.
-        most = max(_LEFT * tau / inertia, 1e-6)
+        most = max(SETTINGS.reach_share * tau / inertia, 1e-6)
         least = size / most if loop in ("surge", "sway") else 2.0 * float(np.sqrt(size / most))
         least = max(least, _by_rate(facts, loop, size))
     # No more is asked than a little better than the start gains, within what makes sense.
     start = StartMetrics(0.0, 0.0, 0.0, 0.0) if start is None else start
-    rise = float(np.clip(max(_ROOM * (least + late_s), _BETTER * start.rise_s), _SHORTEST_S, _LONGEST_S))
-    settling = float(np.clip(_BETTER * start.settling_s, _SETTLING * rise, 2.0 * _SETTLING * rise))
-    noise = _DEVIATIONS * start.noise / (min(abs(step) for step in steps) * entry.to_si)
+    rise = float(
+        np.clip(
+            max(SETTINGS.time_ratio * (least + late_s), SETTINGS.improvement_share * start.rise_s),
+            SETTINGS.shortest_rise_s,
+            SETTINGS.longest_rise_s,
+        )
+    )
+    settling = float(
+        np.clip(
+            SETTINGS.improvement_share * start.settling_s,
+            SETTINGS.settling_ratio * rise,
+            2.0 * SETTINGS.settling_ratio * rise,
+        )
+    )
+    noise = SETTINGS.band_deviations * start.noise / (min(abs(step) for step in steps) * entry.to_si)
     rise, settling = (float(f"{value:.2g}") for value in (rise, settling))
+    overshoot = SETTINGS.improvement_share * start.overshoot
+    overshoot = np.clip(overshoot, SETTINGS.usual_overshoot, SETTINGS.largest_overshoot)
     return Corridor.from_figures(
         rise_s=rise,
-        overshoot=float(f"{np.clip(_BETTER * start.overshoot, _OVERSHOOT, _OVERSHOOT_MOST):.2g}"),
+        overshoot=float(f"{overshoot:.2g}"),
         settling_s=settling,
-        settled=float(f"{np.clip(noise, _SETTLED, _SETTLED_MOST):.2g}"),
-        until_s=float(f"{_END * settling:.3g}"),
+        settled=float(f"{np.clip(noise, SETTINGS.usual_band, SETTINGS.largest_band):.2g}"),
+        until_s=float(f"{SETTINGS.end_ratio * settling:.3g}"),
         weight_lower=weights.lower,
         weight_upper=weights.upper,
     )

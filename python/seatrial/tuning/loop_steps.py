@@ -17,23 +17,49 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 from seatrial.control_design.corridor import Corridor
-from seatrial.control_design.mode_table import RANGE
+from seatrial.control_design.mode_table import MODE_TABLE_SETTINGS
 from seatrial.control_design.operating_points import autopilot_facts, measurement_delays
-from seatrial.control_design.start_guidance import CRUISE_LEG, INTEGRAL_SHARES, LEAST_LENGTHS, lookahead_of
+from seatrial.control_design.start_guidance import INTEGRAL_SHARES, START_GUIDANCE_SETTINGS, lookahead_of
 from seatrial.control_design.tuning_table import LOOPS, default_steps
 from seatrial.tuning.criterion import StartMetrics, default_corridor, start_metrics, steps_above_noise
-from seatrial.tuning.objective import OUTSIDE, violated
-from seatrial.tuning.step_trial import DEPTH_M, RIDES_ON, LoopTrials, Rig, Samples
+from seatrial.tuning.objective import OBJECTIVE_SETTINGS, violated
+from seatrial.tuning.step_trial import RIDES_ON, STEP_TRIAL_SETTINGS, LoopTrials, Rig, Samples
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot
     from seatrial.control_design.tuning_table import LoopTable
     from seatrial.tuning.scope import TuningScope
 
-MOST = 3
-"""Speeds per loop, at most."""
 
-_APART = 0.5  # of the mean spacing of the breakpoints: speeds that are nearer tell the same
+@dataclass(frozen=True)
+class LoopStepSettings:
+    """At which speeds loops and paths are tried, and for how long."""
+
+    most_speeds: int = 3  #: Most speeds per loop.
+    #: Least distance of two speeds, as a share of the mean spacing of the breakpoints: nearer ones tell the
+    #: same.
+    spacing_share: float = 0.5
+    #: How far a trial keeps from a switching speed, m/s, beside the current.
+    switching_distance_m_s: float = 0.1
+    #: Least time at the set point before a step, s: a loop that settles in its corridor has settled at its
+    #: start as well.
+    least_settle_s: float = 15.0
+    #: The same over the end of a default corridor: the trim at the start takes longer than the step.
+    settle_ratio: float = 1.6
+    least_periods: int = 10  #: Control periods of the shortest corridor that tells of a motion.
+    path_overshoot: float = 0.3  #: Overshoot across a path that is accepted, as a share of the step.
+    path_delays: float = 24.0  #: Delays of the course within which a path settles: 6 times 2 Delta/U.
+    shortest_path_s: float = 30.0  #: Shortest time for a step of a path, s.
+    longest_path_s: float = 150.0  #: Longest time for a step of a path, s.
+    #: Time before the step of a path, s: it comes before a drift is learnt, because how soon it is counts as
+    #: well.
+    path_settle_s: float = 1.0
+    large_step_ratio: float = 3.0  #: The large step of a path over the usual one, at least.
+    #: Least number of drawn vehicles and currents: still water tells nothing of an integral.
+    least_samples: int = 2
+
+
+LOOP_STEP_SETTINGS = LoopStepSettings()
 
 
 def tried_speeds(
@@ -53,18 +79,9 @@ def tried_speeds(
     where one does. A vehicle that cannot hover falls below its path when it is slower than level flight
     needs, whatever its gains.
 
-    Parameters
-    ----------
-    wanted_m_s : sequence of float
-        Breakpoints that count for the loop.
-    modes_m_s : sequence of (float, float)
-        Speeds from and to which a mode uses the loop.
-    away_m_s : float
-        How far a trial keeps from a switching speed.
-    within_m_s : (float, float)
-        Least and largest speed of a trial.
-    apart_m_s : float
-        Of speeds that are nearer to each other the first is tried.
+    `wanted_m_s`: breakpoints that count for the loop; `modes_m_s`: speeds from and to which a mode uses the
+    loop; `away_m_s`: how far a trial keeps from a switching speed; `within_m_s`: least and largest speed of a
+    trial; `apart_m_s`: of speeds that are nearer to each other the first is tried.
 
     Examples
     --------
@@ -94,7 +111,7 @@ def _inside(mode_m_s: tuple[float, float], away_m_s: float) -> tuple[float, floa
 
 def apart(points_m_s: Sequence[float]) -> float:
     """How near two speeds may be for both to be tried, m/s, from the breakpoints."""
-    return _APART * float(np.mean(np.diff(points_m_s)))
+    return LOOP_STEP_SETTINGS.spacing_share * float(np.mean(np.diff(points_m_s)))
 
 
 def thinned(speeds_m_s: Sequence[float]) -> list[float]:
@@ -109,7 +126,7 @@ def thinned(speeds_m_s: Sequence[float]) -> list[float]:
     >>> thinned([-0.8, -0.5, -0.2, 0.1])
     [-0.2, 0.1]
     """
-    if len(speeds_m_s) <= MOST:
+    if len(speeds_m_s) <= LOOP_STEP_SETTINGS.most_speeds:
         return list(speeds_m_s)
     slow = min(speeds_m_s, key=lambda speed: (round(abs(speed), 6), -speed))
     fast = max(speeds_m_s)
@@ -119,15 +136,6 @@ def thinned(speeds_m_s: Sequence[float]) -> list[float]:
     between = [speed for speed in speeds_m_s if slow < speed < fast]
     chosen = [min(between, key=lambda speed: (round(abs(speed - middle), 6), -speed))] if between else []
     return [slow, *chosen, fast]
-
-
-_BESIDE_MODE_M_S = 0.1  # how far a trial keeps from a switching speed, beside the current
-
-_SETTLE_S = 15.0  # at least; a loop that settles in its corridor has settled at its start as well
-
-_SETTLE = 1.6  # over the end of a default corridor: the trim at the start takes longer than the step
-
-_PERIODS = 10  # of control: the shortest corridor that tells of a motion
 
 
 def usual_speeds(scope: TuningScope, loop: str) -> tuple[float, ...]:
@@ -140,7 +148,7 @@ def usual_speeds(scope: TuningScope, loop: str) -> tuple[float, ...]:
     return tried_speeds(
         [point for point in points if point > 0.0 or loop not in RIDES_ON],  # guidance goes ahead
         scope.modes_of(loop),
-        away_m_s=scope.current_m_s + _BESIDE_MODE_M_S,
+        away_m_s=scope.current_m_s + LOOP_STEP_SETTINGS.switching_distance_m_s,
         # A speed through the water has to be within reach against the current, too.
         within_m_s=_in_reach(scope) if loop == "surge" else (-np.inf, scope.top_m_s),
         apart_m_s=apart(scope.autopilot.speeds_m_s),
@@ -204,14 +212,14 @@ def _stepped(
             f" {', '.join(f'{u:g}' for u in speeds)} m/s; take smaller steps, or give speeds_m_s"
         )
     _refuse_what_tells_nothing(scope, loop, each, corridor)
-    settle = corridor.until_s * (_SETTLE if table.corridor is None else 1.0)
+    settle = corridor.until_s * (LOOP_STEP_SETTINGS.settle_ratio if table.corridor is None else 1.0)
     return LoopTrials(
         loop=loop,
         corridor=corridor,
         beside=table.beside.half_widths(),
         speeds=tuple(speed for speed, _ in each),
         sizes=tuple(step * LOOPS[loop].to_si for _, step in each),
-        settle_s=scope.table.settle_s or max(_SETTLE_S, float(f"{settle:.6g}")),
+        settle_s=scope.table.settle_s or max(LOOP_STEP_SETTINGS.least_settle_s, float(f"{settle:.6g}")),
     )
 
 
@@ -219,10 +227,11 @@ def _refuse_what_tells_nothing(
     scope: TuningScope, loop: str, each: Sequence[tuple[float, float]], corridor: Corridor
 ) -> None:
     """Refuse a corridor that ends before the vehicle has moved, and a trial that would leave the water."""
-    least = _PERIODS * scope.autopilot.period_s
+    periods, depth = LOOP_STEP_SETTINGS.least_periods, STEP_TRIAL_SETTINGS.depth_m
+    least = periods * scope.autopilot.period_s
     if corridor.until_s < least:
         raise CampaignError(
-            f"[tuning.loops.{loop}]: expected a corridor of at least {_PERIODS} control periods,"
+            f"[tuning.loops.{loop}]: expected a corridor of at least {periods} control periods,"
             f" {least:g} s, found one that ends at {corridor.until_s:g} s, before the vehicle has moved; let"
             " it end later (until_s)"
         )
@@ -232,9 +241,9 @@ def _refuse_what_tells_nothing(
             "heave": abs(step),
             "depth": abs(step),
         }.get(loop, 0.0)
-        if climb > DEPTH_M - 10.0:  # 10 m below the surface
+        if climb > depth - 10.0:  # 10 m below the surface
             raise CampaignError(
-                f"[tuning.loops.{loop}]: expected trials that stay under water, {DEPTH_M:g} m deep at their"
+                f"[tuning.loops.{loop}]: expected trials that stay under water, {depth:g} m deep at their"
                 f" start; a step of {step:g} {LOOPS[loop].unit} at {speed:g} m/s climbs {climb:.0f} m; take"
                 " smaller steps, or let the corridor end sooner"
             )
@@ -243,7 +252,10 @@ def _refuse_what_tells_nothing(
 def _in_reach(scope: TuningScope) -> tuple[float, float]:
     """Least and largest speed over ground, m/s, that the vehicle holds against the current."""
     astern, ahead = scope.top_speeds
-    return RANGE * astern + scope.current_m_s, RANGE * ahead - scope.current_m_s
+    return (
+        MODE_TABLE_SETTINGS.speed_range_share * astern + scope.current_m_s,
+        MODE_TABLE_SETTINGS.speed_range_share * ahead - scope.current_m_s,
+    )
 
 
 def _within(scope: TuningScope, loop: str, speed: float, step: float) -> bool:
@@ -306,25 +318,23 @@ _FACTORS = np.geomspace(0.4, 4.0, 11)  # of the usual lookahead: steps of a quar
 
 _CANDIDATES = len(_FACTORS) + 1  # that of the file included
 
-_OVERSHOOT = 0.3  # of the step across the path, that is accepted
-
-_DELAYS, _SHORTEST_S, _LONGEST_S = 24.0, 30.0, 150.0  # a path settles within 24 delays: 6 times 2 Delta/U
-
-_PATH_SETTLE_S = 1.0  # the step comes before a drift is learnt: how soon it is counts as well
-
-_LARGE = 3.0  # the large step over the usual one, at least
-
-_FEW = 2  # drawn vehicles and currents, at least: still water tells nothing of an integral
-
 
 def course_lookahead(scope: TuningScope, autopilot: Autopilot, path: str) -> tuple[float, float, float]:
     """Lookahead in m that goes with an autopilot's gains, the speed in m/s and the delay in s it is for."""
     given = float(autopilot_facts(autopilot).guidance["lookahead_speed_m_s"])
     speeds = usual_speeds(scope, path)
-    speed = float(np.clip(given or CRUISE_LEG * scope.top_m_s, min(speeds), max(speeds)))
+    speed = float(
+        np.clip(given or START_GUIDANCE_SETTINGS.cruise_share * scope.top_m_s, min(speeds), max(speeds))
+    )
     late = measurement_delays(scope.sensors, scope.vehicle)
     distance, tau = lookahead_of(scope.vehicle, autopilot, RIDES_ON[path], speed, late_s=late)
-    return max(distance, LEAST_LENGTHS * scope.vehicle.geometry().get("length", 0.0)), speed, tau
+    return (
+        max(
+            distance, START_GUIDANCE_SETTINGS.lookahead_lengths * scope.vehicle.geometry().get("length", 0.0)
+        ),
+        speed,
+        tau,
+    )
 
 
 def path_trials(scope: TuningScope, path: str, distance_m: float, delay_s: float) -> LoopTrials:
@@ -333,18 +343,28 @@ def path_trials(scope: TuningScope, path: str, distance_m: float, delay_s: float
     They are made for the lookahead `distance_m` and the delay `delay_s` of the course.
     """
     small = default_steps(path, top_m_s=scope.top_m_s)[0] * LOOPS[path].to_si
-    large = min(max(_LARGE * small, distance_m), 30.0)  # m: a larger step across the path is another mission
+    large = min(
+        max(LOOP_STEP_SETTINGS.large_step_ratio * small, distance_m), 30.0
+    )  # m: a larger step across the path is another mission
     speeds = usual_speeds(scope, path)
     # Time for two and a half ways of the large step at the slowest speed.
-    until_s = max(_DELAYS * delay_s, 2.5 * large / min(speeds))
-    until_s = float(f"{np.clip(until_s, _SHORTEST_S, _LONGEST_S):.3g}")
+    until_s = max(LOOP_STEP_SETTINGS.path_delays * delay_s, 2.5 * large / min(speeds))
+    until_s = float(
+        f"{np.clip(until_s, LOOP_STEP_SETTINGS.shortest_path_s, LOOP_STEP_SETTINGS.longest_path_s):.3g}"
+    )
     return LoopTrials(
         loop=path,
-        corridor=Corridor((), ((0.0, 1.0 + _OVERSHOOT), (until_s, 1.0 + _OVERSHOOT))),
+        corridor=Corridor(
+            (),
+            (
+                (0.0, 1.0 + LOOP_STEP_SETTINGS.path_overshoot),
+                (until_s, 1.0 + LOOP_STEP_SETTINGS.path_overshoot),
+            ),
+        ),
         beside={},
         speeds=tuple(np.repeat(speeds, 2).tolist()),
         sizes=(small, large) * len(speeds),
-        settle_s=_PATH_SETTLE_S,
+        settle_s=LOOP_STEP_SETTINGS.path_settle_s,
     )
 
 
@@ -371,8 +391,10 @@ class PathNumbers:
 
 def path_work_s(scope: TuningScope, paths: Sequence[str]) -> float:
     """Time that `search_paths` flies at most, s."""
-    flights = _CANDIDATES * (1 + max(scope.table.samples, _FEW)) * 2
-    return sum(flights * len(usual_speeds(scope, path)) * 3.0 * _LONGEST_S for path in paths)
+    flights = _CANDIDATES * (1 + max(scope.table.samples, LOOP_STEP_SETTINGS.least_samples)) * 2
+    return sum(
+        flights * len(usual_speeds(scope, path)) * 3.0 * LOOP_STEP_SETTINGS.longest_path_s for path in paths
+    )
 
 
 def search_paths(scope: TuningScope, rig: Rig, paths: Sequence[str], *, seed: int) -> PathNumbers:
@@ -395,7 +417,7 @@ def search_paths(scope: TuningScope, rig: Rig, paths: Sequence[str], *, seed: in
     the step (y = (1 - a t) e^(-a t), a = U/2 Delta). Within 30 % every swing is less than a third of the one
     before. Sources: Børhaug, Pavlov and Pettersen (2008), equations 8 and 9; Fossen (2011), section 10.3.
     """
-    samples = scope.samples(max(scope.table.samples, _FEW), seed)
+    samples = scope.samples(max(scope.table.samples, LOOP_STEP_SETTINGS.least_samples), seed)
     gains = dict[str, float]()
     before, after = dict.fromkeys(("violation", "time"), 0.0), dict.fromkeys(("violation", "time"), 0.0)
     tried, flown_s = 0, 0.0
@@ -430,7 +452,7 @@ class _Judged:
 
     def best(self, distances: Array) -> int:
         """The candidate to take, of lookaheads (k,) in m."""
-        cost = OUTSIDE * self.outside + self.late
+        cost = OBJECTIVE_SETTINGS.outside_weight * self.outside + self.late
         # What differs by less than 5 % of the least cost is as good.
         equal = np.flatnonzero(cost <= 1.05 * cost.min())
         return int(equal[np.argmax(distances[equal])])

@@ -55,15 +55,9 @@ _NEIGHBOURS = 3  # points that a second difference takes
 def roughness(gains: Gains, reachable: ArrayLike, *, speeds_m_s: ArrayLike) -> Array:
     """Sum of squared second differences of ln(gain) along the points, (k,), dimensionless.
 
-    Parameters
-    ----------
-    gains : mapping of str to array-like
-        Values (k,) or one for all by the names of `Autopilot.gains`; those without a point in their name, and
-        gains with fewer than three reached points, cost nothing.
-    reachable : array-like of bool
-        Whether each breakpoint (6,) is reached.
-    speeds_m_s : array-like
-        Breakpoints (6,), m/s, unevenly if need be.
+    `gains`: values (k,) or one for all by the names of `Autopilot.gains`; those without a point in their
+    name, and gains with fewer than three reached points, cost nothing; `reachable`: whether each breakpoint
+    (6,) is reached; `speeds_m_s`: breakpoints (6,), m/s, unevenly if need be.
 
     Examples
     --------
@@ -111,22 +105,26 @@ def _by_gain(gains: Gains) -> dict[str, dict[int, str]]:
     return points
 
 
-HEADROOM = 0.02
-"""By how much the search's corridors are narrower, as a share of the step."""
+@dataclass(frozen=True)
+class ObjectiveSettings:
+    """What counts how much in the objective of a search of gains."""
 
-OUTSIDE, LACKING = 10.0, 30.0
-"""How much a second outside the corridors, and a margin that is used up, count against what breaks ties."""
+    headroom_share: float = 0.02  #: By how much the search's corridors are narrower, as a share of the step.
+    outside_weight: float = 10.0  #: Weight of a second outside the corridors, against what breaks ties.
+    margin_weight: float = 30.0  #: Weight of a margin that is used up, against what breaks ties.
+    free_offset_share: float = 0.01  #: Steady offset, as a share of the step, that costs nothing.
+    #: Time constant of an error that falls to 2 % by the end of a corridor, over the corridor's time.
+    settled_share: float = 0.25
+    #: Cost of an integral that is e times slower than that, as a share of the corridor's time.
+    slow_integral_weight: float = 0.1
+    #: Weight of the time-weighted error, which breaks ties: far below `outside_weight` and `margin_weight`.
+    time_weight: float = 0.05
+    effort_weight: float = 0.1  #: Weight of the effort, which breaks ties, too.
+    #: Weight of the mean over samples beside the worst: every one that gets better counts.
+    mean_weight: float = 0.1
 
-STEADY = 0.01
-"""Steady offset, as a share of the step, that costs nothing."""
 
-_RESTS = 0.25  # of a corridor: an error falls to 2 % by its end
-
-_SLOW = 0.1  # of the corridor's time, for an integral that is e times slower
-
-_TIME, _EFFORT = 0.05, 0.1  # ties only: far below `OUTSIDE` and `LACKING`
-
-_SPREAD = 0.1  # of the mean over samples, beside the worst: every one that gets better counts
+OBJECTIVE_SETTINGS = ObjectiveSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,8 +140,16 @@ class Terms:
 
     def cost(self, smoothness: float) -> Array:
         """J, (k,)."""
-        ties = _TIME * (self.offset + self.time) + smoothness * self.roughness + _EFFORT * self.effort
-        return np.asarray(OUTSIDE * self.violation + LACKING * self.margin + ties)
+        ties = (
+            OBJECTIVE_SETTINGS.time_weight * (self.offset + self.time)
+            + smoothness * self.roughness
+            + OBJECTIVE_SETTINGS.effort_weight * self.effort
+        )
+        return np.asarray(
+            OBJECTIVE_SETTINGS.outside_weight * self.violation
+            + OBJECTIVE_SETTINGS.margin_weight * self.margin
+            + ties
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,7 +237,9 @@ class Objective:
         """Costs (k,) of candidates (k, m)."""
         return self.terms(self.parameters.gains(x)).cost(self.smoothness)
 
-    def terms(self, gains: Mapping[str, Array], *, headroom: float = HEADROOM) -> Terms:
+    def terms(
+        self, gains: Mapping[str, Array], *, headroom: float = OBJECTIVE_SETTINGS.headroom_share
+    ) -> Terms:
         """Parts of the cost of k sets of gains."""
         return self.joined(self.still(gains), self.flown(gains, headroom=headroom))
 
@@ -239,7 +247,9 @@ class Objective:
         """The same cost with some of the samples, the vehicle itself first."""
         return replace(self, samples=self.samples.of(places))
 
-    def flown(self, gains: Mapping[str, Array], *, headroom: float = HEADROOM) -> Flown:
+    def flown(
+        self, gains: Mapping[str, Array], *, headroom: float = OBJECTIVE_SETTINGS.headroom_share
+    ) -> Flown:
         """What k sets of gains do with the samples."""
         k = len(next(iter(gains.values())))
         flown = Flown.none(k, len(self.samples))
@@ -249,7 +259,10 @@ class Objective:
             flown.violation[:] += share * violated(trials, sums).mean(axis=1)
             flown.time[:] += share * sums[..., 0, 2].mean(axis=1) / trials.until_s
             # What diverges is off without end.
-            beyond = np.maximum(np.where(np.isnan(off), np.inf, off) - STEADY, 0.0) * trials.until_s
+            beyond = (
+                np.maximum(np.where(np.isnan(off), np.inf, off) - OBJECTIVE_SETTINGS.free_offset_share, 0.0)
+                * trials.until_s
+            )
             flown.offset[:] += share * beyond.mean(axis=1)
             flown.effort[:] += share * np.where(np.isnan(travel), np.inf, travel).mean(axis=1)
         return flown
@@ -299,11 +312,14 @@ class Objective:
                 return np.asarray(of("K_P") / of("K_I"))
 
         now = autopilot.gains()
-        enough = np.maximum(_RESTS * trials.until_s, integral_time(now if self.start is None else self.start))
+        enough = np.maximum(
+            OBJECTIVE_SETTINGS.settled_share * trials.until_s,
+            integral_time(now if self.start is None else self.start),
+        )
         with np.errstate(invalid="ignore", divide="ignore"):
             slower = np.log(integral_time({**now, **gains}) / enough)  # nan: neither has an integral
         beyond = np.nan_to_num(np.maximum(slower, 0.0), nan=0.0)
-        return np.asarray(_SLOW * trials.until_s * beyond.mean(axis=0))
+        return np.asarray(OBJECTIVE_SETTINGS.slow_integral_weight * trials.until_s * beyond.mean(axis=0))
 
 
 def violated(trials: LoopTrials, sums: Array) -> Array:
@@ -328,5 +344,5 @@ def robust(total: Array, quantile: float, *, nominal: int = 0) -> Array:
     worst = own.max(axis=1, initial=0.0)
     if drawn.shape[1]:
         worst = np.maximum(worst, np.quantile(drawn, quantile, axis=1))
-    cost = worst + _SPREAD * bounded.mean(axis=1)
+    cost = worst + OBJECTIVE_SETTINGS.mean_weight * bounded.mean(axis=1)
     return np.where(sound, cost, np.inf)

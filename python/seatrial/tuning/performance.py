@@ -16,11 +16,11 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.plain import Plain
-from seatrial.control_design.corridor import RISEN
+from seatrial.control_design.corridor import CORRIDOR_SETTINGS
 from seatrial.control_design.tuning_table import LOOPS
 from seatrial.tuning.criterion import step_metrics
-from seatrial.tuning.objective import LACKING, OUTSIDE, violated
-from seatrial.tuning.search import ROUNDING, short_loops
+from seatrial.tuning.objective import OBJECTIVE_SETTINGS, violated
+from seatrial.tuning.search import GROUP_SEARCH_SETTINGS, short_loops
 from seatrial.tuning.step_trial import LoopTrials, Rig, Samples
 
 if TYPE_CHECKING:
@@ -29,7 +29,22 @@ if TYPE_CHECKING:
     from seatrial.control_design.margin_constraint import MarginConstraint
     from seatrial.tuning.control_problem import ControlProblem, Group
 
-_SHOWN = 9  # samples whose responses are kept for figures
+
+@dataclass(frozen=True)
+class PerformanceSettings:
+    """What of an assessment is kept, and when one set of gains is better than another."""
+
+    shown_samples: int = 9  #: Samples whose responses are kept for figures.
+    far_steps: float = 3.0  #: Distance from the set point, in steps, that is no overshoot any more.
+    assessment_step_s: float = 0.02  #: Longest step of the vehicle, s: that of the last assessment.
+    #: Violation that stands for a response that diverges, s: one fewer of them is better.
+    diverged_violation_s: float = 1e6
+    rounding_s: float = 1e-6  #: Violations that differ by less are the same, s: rounding.
+    #: Scores that differ by less are the same, s outside: as much as a hundredth of a margin.
+    same_score_s: float = 0.03
+
+
+SETTINGS = PerformanceSettings()
 
 
 @dataclass(frozen=True)
@@ -184,7 +199,7 @@ def _worst(samples: Samples, total: Array) -> Samples:
     """The first of some samples and those that violate most, of violations (trials, samples)."""
     worst = total.max(axis=0)
     worst[0] = np.inf
-    rows = np.argsort(-worst, kind="stable")[:_SHOWN]
+    rows = np.argsort(-worst, kind="stable")[: SETTINGS.shown_samples]
     return Samples(
         {name: np.asarray(values)[rows] for name, values in samples.coefficients.items()},
         samples.current[rows],
@@ -217,9 +232,6 @@ def _step_performance(
     )
 
 
-_AWAY = 3.0  # steps beyond the set point, which no overshoot is
-
-
 def assess_without_noise(plan: ControlProblem, rig: Rig) -> Performance:
     """How the vehicle itself keeps to its corridors in still water with perfect sensors, on a rig's gains."""
     return assess(plan, "without noise", replace(rig, sensors=None), Samples({}, np.zeros((1, 3)), (1,)))
@@ -232,9 +244,9 @@ def why_outside(quiet: StepPerformance, corridor: Corridor) -> str:
             "with perfect sensors it stays inside, so sensor noise or latency is the cause; take larger"
             " steps, or raise settled and overshoot"
         )
-    if not quiet.overshoot < _AWAY:  # nor where it diverged
+    if not quiet.overshoot < SETTINGS.far_steps:  # nor where it diverged
         return "the motion grows at that speed; leave it out of speeds_m_s, or begin with gains that hold it"
-    rise = next((time for time, bound in corridor.lower if bound >= RISEN), math.inf)
+    rise = next((time for time, bound in corridor.lower if bound >= CORRIDOR_SETTINGS.risen_share), math.inf)
     lower, upper = corridor.sampled([corridor.until_s])
     most = max((bound for _, bound in corridor.upper), default=math.inf) - 1.0
     if quiet.rise_s > rise:
@@ -252,14 +264,6 @@ def why_outside(quiet: StepPerformance, corridor: Corridor) -> str:
         )
     return "it settles late, there or on the way back; raise settling_s"
 
-
-_STEP_S = 0.02  # longest step of the vehicle, s: that of the last assessment
-
-_DIVERGED_S = 1e6  # a response that diverges counts as much: one fewer of them is better
-
-_SAME_S = 1e-6  # s: less is rounding
-
-_SAME = 0.03  # s outside, as much as a hundredth of a margin
 
 _OTHERS = "what no loop of the search owns"
 
@@ -291,12 +295,18 @@ class Standing:
     @property
     def own(self) -> float:
         """Seconds outside of the vehicle itself, and margins in the search's weights."""
-        return sum(own for own, _ in self.outside_s.values()) + LACKING / OUTSIDE * self.lacking
+        return (
+            sum(own for own, _ in self.outside_s.values())
+            + OBJECTIVE_SETTINGS.margin_weight / OBJECTIVE_SETTINGS.outside_weight * self.lacking
+        )
 
     @property
     def score(self) -> float:
         """Seconds outside, the worst sample of every trial, and margins in the search's weights."""
-        return sum(worst for _, worst in self.outside_s.values()) + LACKING / OUTSIDE * self.lacking
+        return (
+            sum(worst for _, worst in self.outside_s.values())
+            + OBJECTIVE_SETTINGS.margin_weight / OBJECTIVE_SETTINGS.outside_weight * self.lacking
+        )
 
     def lost(self, start: Standing) -> frozenset[tuple[str, float, str]]:
         """Loops whose margins are short and were not with the start gains."""
@@ -316,7 +326,7 @@ class Standing:
         if self.inside != start.inside:
             return self.inside < start.inside
         outside, begun = (sum(own for own, _ in each.outside_s.values()) for each in (self, start))
-        return outside > begun + _SAME
+        return outside > begun + SETTINGS.same_score_s
 
     def worse(self, start: Standing) -> tuple[str, ...]:
         """Loops that leave their corridors further than with the start gains.
@@ -327,7 +337,7 @@ class Standing:
         for loop, (own, worst) in self.outside_s.items():
             own_start, worst_start = start.outside_s[loop]
             # The worst of the samples may be half worse, and 0.1 s of a step, by luck.
-            if own > own_start + _SAME_S or worst > 1.5 * worst_start + 0.1:
+            if own > own_start + SETTINGS.rounding_s or worst > 1.5 * worst_start + 0.1:
                 loops.append(loop)
         return tuple(loops)
 
@@ -415,7 +425,7 @@ def _is_better(candidate: Standing, now: Standing, start: Standing, margins_aske
     ):
         return True
     regained = len(candidate.lost(start)) < len(now.lost(start)) and candidate.lacking <= now.lacking
-    return regained or candidate.own <= now.own + _SAME
+    return regained or candidate.own <= now.own + SETTINGS.same_score_s
 
 
 def standing(
@@ -423,7 +433,7 @@ def standing(
 ) -> Standing:
     """How some gains stand, all others those of the start; the first samples are the vehicle itself."""
     autopilot = plan.autopilot.with_gains(dict(gains))
-    rig = plan.rig(autopilot, max_step_s=_STEP_S, threads=threads)
+    rig = plan.rig(autopilot, max_step_s=SETTINGS.assessment_step_s, threads=threads)
     performance = assess(plan, "", rig, samples, responses=False)
     inside = sum(trial.nominal_s == 0.0 for trial in performance.trials)
     if plan.margins is None:
@@ -437,7 +447,7 @@ def _short(limits: MarginConstraint, gains: Mapping[str, float]) -> frozenset[tu
     return frozenset(
         (point.mode, point.speed_m_s, loop)
         for point in limits.margins(gains)
-        for loop in short_loops(point, limits, beyond=ROUNDING)
+        for loop in short_loops(point, limits, beyond=GROUP_SEARCH_SETTINGS.margin_rounding)
     )
 
 
@@ -446,7 +456,7 @@ def _outside(performance: Performance) -> dict[str, tuple[float, float]]:
     for trial in performance.trials:
         nominal, worst = outside.get(trial.loop, (0.0, 0.0))
         outside[trial.loop] = (
-            nominal + min(trial.nominal_s, _DIVERGED_S),
-            worst + min(trial.worst_s, _DIVERGED_S),
+            nominal + min(trial.nominal_s, SETTINGS.diverged_violation_s),
+            worst + min(trial.worst_s, SETTINGS.diverged_violation_s),
         )
     return outside

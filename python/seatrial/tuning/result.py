@@ -17,7 +17,7 @@ from seatrial.base.plain import plain
 from seatrial.base.run import RunResult, to_json
 from seatrial.flight.mismatch import tuned_for
 from seatrial.tuning.performance import Performance
-from seatrial.tuning.search import ROUNDING, GroupResult
+from seatrial.tuning.search import GROUP_SEARCH_SETTINGS, GroupResult
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -246,7 +246,7 @@ def missed_limits(row: ReportedMargins, margins: Margins) -> list[tuple[float, f
             (row.gain_down_db, limits.gain_db, "dB down"),
             (row.delay_s, limits.delay_s, "s"),
         )
-        if value is not None and value < (1.0 - ROUNDING) * limit
+        if value is not None and value < (1.0 - GROUP_SEARCH_SETTINGS.margin_rounding) * limit
     ]
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
-from seatrial.control_design.mode_table import RANGE, breakpoint_speeds, top_speeds
+from seatrial.control_design.mode_table import MODE_TABLE_SETTINGS, breakpoint_speeds, top_speeds
 from seatrial.control_design.operating_points import autopilot_facts, reachable_points
 from seatrial.control_design.start_guidance import steady_speed
 from seatrial.control_design.tuning_table import TuningTable
@@ -26,13 +26,23 @@ if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
     from seatrial.identification.fitted import Fitted
 
-_CURRENT = 0.05  # of the top speed
 
-_OWN_DRAWS = 1_000_003  # beside the seed: a verification's missions are other draws
+@dataclass(frozen=True)
+class ScopeSettings:
+    """Samples of a tuning, and what parameters of a search are worth."""
 
-_WALK = 2.399963  # golden angle, rad: currents from all sides, whatever their number
+    #: Current of the samples as a share of the top speed, where the file gives none.
+    current_share: float = 0.05
+    #: Added to the seed of the samples: a verification's missions are other draws.
+    seed_offset: int = 1_000_003
+    #: Golden angle between the currents of successive samples, rad: from all sides, whatever their number.
+    current_turn_rad: float = 2.399963
+    speed_rounding: float = 0.005  #: Relative rounding of breakpoints, which have four digits.
+    #: Least width of a factor's range on either side, where gains at both bounds leave it none.
+    least_factor_width: float = 0.005
 
-_ROUNDING = 0.005  # breakpoints have four digits
+
+SETTINGS = ScopeSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +115,7 @@ class TuningScope:
     def current_m_s(self) -> float:
         """Speed of the samples' currents, m/s: a twentieth of the top speed where the file gives none."""
         given = self.table.current_m_s
-        return _CURRENT * self.top_m_s if given is None else given
+        return SETTINGS.current_share * self.top_m_s if given is None else given
 
     def top_of(self, loop: str) -> float:
         """Largest steady speed of a loop's channel, m/s: sideways for sway, ahead for all others."""
@@ -124,7 +134,7 @@ class TuningScope:
         if loop == "pitch":
             return float(autopilot_facts(self.autopilot).guidance["pitch_max_deg"])
         if loop == "sway":
-            return RANGE * self.top_of(loop) - self.current_m_s
+            return MODE_TABLE_SETTINGS.speed_range_share * self.top_of(loop) - self.current_m_s
         return np.inf
 
     def modes_of(self, loop: str) -> list[tuple[float, float]]:
@@ -178,13 +188,13 @@ class TuningScope:
         `nominal`: how often the vehicle itself flies, each time with other noise.
         """
         size = nominal + count
-        drawn = self.fitted.draws(count, seed + _OWN_DRAWS)
+        drawn = self.fitted.draws(count, seed + SETTINGS.seed_offset)
         own = self.fitted.vehicle.coefficients()
         values = {
             name: np.concatenate([np.full(nominal, own.get(name, 0.0)), column])
             for name, column in drawn.items()
         }
-        bearing = _WALK * (seed % 997 + np.arange(size))
+        bearing = SETTINGS.current_turn_rad * (seed % 997 + np.arange(size))
         current = self.current_m_s * np.stack([np.cos(bearing), np.sin(bearing), np.zeros(size)], axis=1)
         current[:nominal] = 0.0
         return Samples(values, current, tuple(range(seed * 1000 + 1, seed * 1000 + size + 1)), nominal)
@@ -207,12 +217,10 @@ def slowest_level_m_s(vehicle: Vehicle, autopilot: Autopilot) -> float | None:
     used = {loop for mode in facts.modes for loop in mode.loops}
     rows = "".join(row for row, loop in zip(ROWS, LOOPS, strict=True) if loop in used)
     slowest = breakpoint_speeds(vehicle, rows, top_speeds(vehicle))[0]
-    return slowest * (1.0 - _ROUNDING)
+    return slowest * (1.0 - SETTINGS.speed_rounding)
 
 
 GAINS = ("K_P", "K_I", "K_D")
-
-_LEAST_WIDTH = 0.005  # of a factor on either side, where gains at both bounds leave it none
 
 
 @dataclass(frozen=True)
@@ -287,8 +295,8 @@ class GainParameters:
             )
             scaled = {key: gains.get(key, value) / factor for key, value in parameter.starts.items()}
             ratios = [scaled[key] / value for key, value in parameter.starts.items()]
-            lower = min(parameter.lower / min(ratios), factor * (1.0 - _LEAST_WIDTH))
-            upper = max(parameter.upper / max(ratios), factor * (1.0 + _LEAST_WIDTH))
+            lower = min(parameter.lower / min(ratios), factor * (1.0 - SETTINGS.least_factor_width))
+            upper = max(parameter.upper / max(ratios), factor * (1.0 + SETTINGS.least_factor_width))
             moved.append(Parameter(parameter.name, scaled, lower, upper))
             logarithms.append(np.log(factor))
         return GainParameters(tuple(moved)), np.array(logarithms)
@@ -306,19 +314,9 @@ class GainParameters:
     ) -> GainParameters:
         """Factors on the gains of a loop.
 
-        Parameters
-        ----------
-        loop : str
-        gains : mapping of str to float
-            Start values, by the names of `Autopilot.gains`.
-        free : sequence of int
-            Breakpoints (from 0) that get a factor of their own.
-        taken : sequence of int
-            Points that another search sets.
-        reached : sequence of int
-            Points that the vehicle reaches.
-        bounds : (float, float)
-            Of every factor.
+        `gains`: start values, by the names of `Autopilot.gains`; `free`: breakpoints (from 0) that get a
+        factor of their own; `taken`: points that another search sets; `reached`: points that the vehicle
+        reaches; `bounds`: of every factor.
 
         Examples
         --------

@@ -22,7 +22,7 @@ from seatrial.base.plain import Plain
 from seatrial.base.run import RunDirectory, sha256
 from seatrial.base.work import Step, Watch
 from seatrial.estimation.search import SEARCH_SETTINGS, Optimum, batch_size, evolve, join, refine
-from seatrial.tuning.objective import LACKING, OUTSIDE, Flown, Objective, Still, Terms
+from seatrial.tuning.objective import OBJECTIVE_SETTINGS, Flown, Objective, Still, Terms
 from seatrial.tuning.scope import GainParameters, excited_points
 from seatrial.tuning.step_trial import Rig, Samples
 
@@ -31,21 +31,32 @@ if TYPE_CHECKING:
     from seatrial.control_design.margin_constraint import MarginConstraint, PointMargins
     from seatrial.tuning.control_problem import ControlProblem, Group
 
-FEW = 4
-"""Samples up to which a search meets all of them."""
 
-_NOISES, _DRAWN = 2, 3
-"""Noises of the vehicle itself and drawn vehicles that a search meets where there are more samples."""
+@dataclass(frozen=True)
+class GroupSearchSettings:
+    """How many samples the search of a group meets, for how long, and what is worth further flights."""
 
-_INSIDE = 0.01
-"""Cost of corridors and margins up to which they count as kept: 1 ms of a step, or 0.03 % of a margin."""
+    few_samples: int = 4  #: Samples up to which a search meets all of them.
+    met_noises: int = 2  #: Noises of the vehicle itself that a search meets where there are more samples.
+    met_vehicles: int = 3  #: Drawn vehicles that a search meets where there are more samples.
+    #: Cost of corridors and margins up to which they count as kept: 1 ms of a step, or 0.03 % of a margin.
+    kept_cost: float = 0.01
+    #: Cost, of what only breaks ties, that is not worth further flights: 1 ms of a step.
+    even_cost: float = 0.01
+    patience_generations: int = 10  #: Generations without a gain after which a search ends.
+    diverged_violation_s: float = 1e6  #: Violation that stands for a diverged candidate in sums, s.
+    generations: int = 30  #: Generations of the evolution strategy where the campaign gives no budget.
+    rounds: int = 25  #: Rounds of the simplexes where the campaign gives no budget.
+    #: Change of the logarithms of the factors at which a search ends: 1 % of a gain.
+    log_tolerance: float = 1e-2
+    #: First spread of a search, as a share of the box: what holds the margins is not to be
+    #: lost at once.
+    first_spread: float = 0.08
+    #: Share of a margin's limit that the frequency grid and four digits of a gain leave.
+    margin_rounding: float = 0.01
 
-_EVEN = 0.01
-"""Cost, of what only breaks ties, that is not worth further flights: 1 ms of a step."""
 
-_PATIENCE = 10  # generations without a gain after which a search ends
-
-_DIVERGED_S = 1e6  # violation in s that stands for a diverged candidate in sums
+GROUP_SEARCH_SETTINGS = GroupSearchSettings()
 
 Fly = Callable[[Array, Sequence[int]], Flown]
 """What candidates (k, m) do with some of all samples."""
@@ -122,30 +133,35 @@ class Race:
     def narrow(self, x: Array) -> None:
         """Meet only the samples that are worst for candidates (k, m), of noises and of drawn vehicles."""
         samples = self.objective.samples
-        if len(samples) <= FEW or self.objective.quantile < 1.0:
+        if len(samples) <= GROUP_SEARCH_SETTINGS.few_samples or self.objective.quantile < 1.0:
             return
         flown = self.fly(x, range(len(samples)))
         # Where nothing is violated, the one that is farthest off meanwhile tells most.
-        size = np.minimum(flown.violation, _DIVERGED_S) + 1e-3 * np.minimum(flown.time, _DIVERGED_S)
+        size = np.minimum(flown.violation, GROUP_SEARCH_SETTINGS.diverged_violation_s) + 1e-3 * np.minimum(
+            flown.time, GROUP_SEARCH_SETTINGS.diverged_violation_s
+        )
         order = np.argsort(-size.max(axis=0), kind="stable").tolist()
-        own = [place for place in order if place < samples.nominal][:_NOISES]
-        drawn = [place for place in order if place >= samples.nominal][:_DRAWN]
+        own = [place for place in order if place < samples.nominal][: GROUP_SEARCH_SETTINGS.met_noises]
+        drawn = [place for place in order if place >= samples.nominal][: GROUP_SEARCH_SETTINGS.met_vehicles]
         self._meet(sorted(own + drawn))
 
     def inside(self) -> bool:
         """Whether corridors and margins are kept by the best so far."""
-        return bool(self.history) and sum(self.history[-1][1:]) <= _INSIDE
+        return bool(self.history) and sum(self.history[-1][1:]) <= GROUP_SEARCH_SETTINGS.kept_cost
 
     def enough(self) -> bool:
         """Whether corridors are kept, and the last generations gained next to nothing.
 
         The last parent counts as well as the best: one lucky candidate of a wide generation stalls the best.
         """
-        if len(self.parents) <= _PATIENCE or self.history[-1][1] > _INSIDE:
+        if (
+            len(self.parents) <= GROUP_SEARCH_SETTINGS.patience_generations
+            or self.history[-1][1] > GROUP_SEARCH_SETTINGS.kept_cost
+        ):
             return False
-        best = self.history[-1 - _PATIENCE][0] - self.history[-1][0]
-        last = self.parents[-1 - _PATIENCE] - self.parents[-1]
-        return best < _EVEN and last < 2.0 * _EVEN
+        best = self.history[-1 - GROUP_SEARCH_SETTINGS.patience_generations][0] - self.history[-1][0]
+        last = self.parents[-1 - GROUP_SEARCH_SETTINGS.patience_generations] - self.parents[-1]
+        return best < GROUP_SEARCH_SETTINGS.even_cost and last < 2.0 * GROUP_SEARCH_SETTINGS.even_cost
 
     def _meet(self, places: Sequence[int]) -> None:
         self.met = list(places)
@@ -173,8 +189,8 @@ class Race:
         best = int(whole[costs[whole].argmin()])
         now = (
             float(costs[best]),
-            float(OUTSIDE * terms.violation[best]),
-            float(LACKING * terms.margin[best]),
+            float(OBJECTIVE_SETTINGS.outside_weight * terms.violation[best]),
+            float(OBJECTIVE_SETTINGS.margin_weight * terms.margin[best]),
         )
         self.history.append(min(self.history[-1], now) if self.history else now)
         if parents := len(costs) // 2:
@@ -234,16 +250,6 @@ def flights(objective: Objective, x: Array, places: Sequence[int]) -> Flown:
 
 GUIDANCE_SEARCH = "guidance"
 """Name of the result that holds the numbers of guidance for the tuned loops."""
-
-GENERATIONS, ROUNDS = 30, 25
-"""Batches of the evolution strategy and of the simplexes where the campaign gives no budget."""
-
-_TOLERANCE = 1e-2  # of the logarithms of the factors: 1 % of a gain
-
-_SPREAD = 0.08  # of the box: what holds the margins is not to be lost at once
-
-ROUNDING = 0.01
-"""Of a margin's limit, what the frequency grid and four digits of a gain leave."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -368,7 +374,7 @@ def _nearest_sound(
         seed=seed,
         population=32,  # margins take no flight, so that a search is cheap
         generations=100,
-        tolerance=_TOLERANCE,
+        tolerance=GROUP_SEARCH_SETTINGS.log_tolerance,
         watch=watch,
     )
 
@@ -404,7 +410,7 @@ def search_group(
     )
     lower, upper = parameters.bounds
     budget = plan.table.budget
-    tolerance = budget.tolerance or _TOLERANCE
+    tolerance = budget.tolerance or GROUP_SEARCH_SETTINGS.log_tolerance
     fly = Here(objective) if fleet is None else Elsewhere(objective, fleet)
     # Of many samples those that are worst now: what one of them violates, all violate at least.
     race = Race(objective, fly)
@@ -416,8 +422,8 @@ def search_group(
         upper=upper,
         seed=seed,
         population=budget.population or batch_size(len(parameters)),
-        generations=budget.generations or GENERATIONS,
-        spread=_SPREAD,
+        generations=budget.generations or GROUP_SEARCH_SETTINGS.generations,
+        spread=GROUP_SEARCH_SETTINGS.first_spread,
         tolerance=tolerance,
         watch=watch,
         enough=race.enough,
@@ -431,7 +437,7 @@ def search_group(
             coarse.elite,
             lower=lower,
             upper=upper,
-            rounds=budget.simplex_rounds or ROUNDS,
+            rounds=budget.simplex_rounds or GROUP_SEARCH_SETTINGS.rounds,
             tolerance=tolerance,
             watch=watch,
         )

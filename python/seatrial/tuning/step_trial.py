@@ -52,8 +52,18 @@ PATHS = ("depth", "cross_track")
 RIDES_ON = {"depth": "pitch", "cross_track": "heading"}
 """The loop under each path."""
 
-DEPTH_M = 100.0
-"""Depth of every trial, m: room for a pitch step to dive and climb."""
+
+@dataclass(frozen=True)
+class StepTrialSettings:
+    """Where and how a trial of a step is flown."""
+
+    depth_m: float = 100.0  #: Depth of every trial, m: room for a pitch step to dive and climb.
+    #: Last share of the corridor, in which a loop with an integral has come to rest.
+    rest_share: float = 0.25
+    leg_m: float = 1e6  #: Length of the leg, m: no trial comes to its end.
+
+
+STEP_TRIAL_SETTINGS = StepTrialSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +165,11 @@ class LoopTrials:
 
     def base(self, trial: int) -> float:
         """Set point of a trial before its step, SI."""
-        held = {"surge": self.speeds[trial], "heave": DEPTH_M, "depth": DEPTH_M}
+        held = {
+            "surge": self.speeds[trial],
+            "heave": STEP_TRIAL_SETTINGS.depth_m,
+            "depth": STEP_TRIAL_SETTINGS.depth_m,
+        }
         return held.get(self.loop, 0.0)
 
     def grid(self, period_s: float) -> Array:
@@ -167,7 +181,8 @@ class LoopTrials:
         """Control periods (p,) in which an answer should be at rest: the last quarter there, and back."""
         since = self.grid(period_s) - self.settle_s
         there, back = (
-            (since > (1.0 - _REST) * self.until_s + after - 1e-9) & (since < self.until_s + after - 1e-9)
+            (since > (1.0 - STEP_TRIAL_SETTINGS.rest_share) * self.until_s + after - 1e-9)
+            & (since < self.until_s + after - 1e-9)
             for after in (0.0, self.until_s)
         )
         return there, back
@@ -196,10 +211,6 @@ class LoopTrials:
             clock[rows] = since[rows]
         return lower, upper, target, clock
 
-
-_REST = 0.25  # of the corridor, its last part, in which a loop with an integral has come to rest
-
-_LEG_M = 1e6  # m: no trial comes to the end of its leg
 
 _OFFSETS = [1, 2]  # offset and drift among the errors of a channel
 
@@ -245,13 +256,7 @@ class Rig:
     ) -> tuple[Array, Array, Array]:
         """What k candidates violate, how much their commands move, and how far off they come to rest.
 
-        Parameters
-        ----------
-        trials : LoopTrials
-        samples : Samples
-        gains : mapping of str to (k,) array-like
-        headroom : float
-            See `LoopTrials.bounds`.
+        `headroom`: see `LoopTrials.bounds`.
 
         Returns
         -------
@@ -368,7 +373,7 @@ class Rig:
         still = np.zeros(len(lower))
         bounded = np.isfinite(lower) | np.isfinite(upper)
         for name, half in trials.beside.items():
-            level = {"u": speed, "z": np.full(count, DEPTH_M)}.get(name, np.zeros(count))
+            level = {"u": speed, "z": np.full(count, STEP_TRIAL_SETTINGS.depth_m)}.get(name, np.zeros(count))
             inside = 1.0 - min(headroom, 0.25)
             low, high = np.where(bounded, -inside, -np.inf), np.where(bounded, inside, np.inf)
             corridors.append((name, per_trial(level), np.full(count * s * k, half), low, high, still, clock))
@@ -398,14 +403,15 @@ class Rig:
     def _on_leg(self, speed: float, duration_s: float) -> Cases:
         """A straight level leg north that nobody reaches the end of."""
         if (speed, duration_s) not in self._ready:
+            depth = STEP_TRIAL_SETTINGS.depth_m
             mission = Mission.from_toml(
                 f"""
                 format = 1
                 name = "trial"
                 speed_m_s = {speed!r}
                 acceptance_radius_m = 10.0
-                start = {{ north_m = 0.0, east_m = 0.0, depth_m = {DEPTH_M}, heading_deg = 0.0 }}
-                legs = [{{ north_m = {_LEG_M}, east_m = 0.0, depth_m = {DEPTH_M} }}]
+                start = {{ north_m = 0.0, east_m = 0.0, depth_m = {depth}, heading_deg = 0.0 }}
+                legs = [{{ north_m = {STEP_TRIAL_SETTINGS.leg_m}, east_m = 0.0, depth_m = {depth} }}]
                 """
             )
             ready = Cases.of(

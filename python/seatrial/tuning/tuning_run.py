@@ -23,7 +23,7 @@ import hashlib
 import json
 import time
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -37,14 +37,12 @@ from seatrial.flight.sensor_channels import sensors_of
 from seatrial.identification.fitted import Fitted
 from seatrial.tuning.control_problem import ControlProblem, Group
 from seatrial.tuning.loop_steps import path_work_s, search_paths
-from seatrial.tuning.objective import HEADROOM
+from seatrial.tuning.objective import OBJECTIVE_SETTINGS
 from seatrial.tuning.performance import Performance, assess, assess_without_noise, revert_gains
 from seatrial.tuning.result import Tuning, tuned_autopilot, without_table
 from seatrial.tuning.search import (
-    GENERATIONS,
+    GROUP_SEARCH_SETTINGS,
     GUIDANCE_SEARCH,
-    ROUNDING,
-    ROUNDS,
     GroupResult,
     search_group,
     search_margins,
@@ -56,17 +54,23 @@ if TYPE_CHECKING:
     from seatrial.base.fleet import Fleet
     from seatrial.identification.identification import Identification
 
-_BEGUN = 0.02  # of all work, that the first guess of the pace counts as
 
-_PASSES = 2  # the second turn takes up groups that the gains of others spoilt
+@dataclass(frozen=True)
+class TuningRunSettings:
+    """How much work a tuning spends on its parts."""
 
-_FRESH, _NOISES = 24, 8  # vehicles drawn for the last assessment, and noises of the vehicle itself
+    first_progress: float = 0.02  #: Share of all work that the first guess of the pace counts as.
+    turns: int = 2  #: Turns of all groups: the second one takes up groups that the gains of others spoilt.
+    fresh_vehicles: int = 24  #: Vehicles drawn for the last assessment.
+    fresh_noises: int = 8  #: Noises of the vehicle itself in the last assessment.
+    #: Longest step of the vehicle in the last assessment, s; searches take twice as long ones.
+    fine_step_s: float = 0.02
+    seed_offset: int = 7919  #: Added to the seed of the last assessment: samples that no search drew.
+    #: Share of a group's budget for the evolution strategy; the simplexes get the rest.
+    evolution_share: float = 0.7
 
-_FINE_STEP_S = 0.02  # longest step of the vehicle in the last assessment, s; searches take twice as long ones
 
-_OTHER_SEED = 7919  # added to the seed: samples that no search drew
-
-_EVOLUTION = 0.7  # of the budget of a group
+SETTINGS = TuningRunSettings()
 
 _ASSESSMENT = "assessment"
 
@@ -74,17 +78,8 @@ _ASSESSMENT = "assessment"
 class TuningRun:
     """One tuning under way.
 
-    Parameters
-    ----------
-    plan : ControlProblem
-    run : RunDirectory
-        Where finished groups are kept.
-    progress : callable, optional
-        Called with a `Progress`.
-    threads : int, optional
-        All by default.
-    fleet : Fleet, optional
-        Where the candidates of a search fly; in this process when omitted.
+    `run`: where finished groups are kept; `progress`: called with a `Progress`; `threads`: all by default;
+    `fleet`: where the candidates of a search fly; in this process when omitted.
     """
 
     def __init__(
@@ -127,7 +122,7 @@ class TuningRun:
         if self._keep("margins", lambda watch: search_margins(plan, seed=seed, watch=watch)):
             return True
         open_ = list(range(len(plan.groups)))
-        for turn in range(_PASSES):
+        for turn in range(SETTINGS.turns):
             self.stages = self.done + len(open_)
             for place in open_:
                 group = plan.groups[place]
@@ -139,7 +134,7 @@ class TuningRun:
                     offset: int = offset,
                     met: Samples = samples,
                 ) -> GroupResult:
-                    rig = self._rig(plan.autopilot.with_gains(self.gains), 2 * _FINE_STEP_S)
+                    rig = self._rig(plan.autopilot.with_gains(self.gains), 2 * SETTINGS.fine_step_s)
                     return search_group(
                         plan,
                         group,
@@ -153,10 +148,10 @@ class TuningRun:
 
                 if self._keep(_name(group, turn), search):
                     return True
-            if turn + 1 == _PASSES:
+            if turn + 1 == SETTINGS.turns:
                 break
             # The second turn flies what shows who needs it.
-            samples = plan.samples(plan.table.samples, seed, nominal=_NOISES)
+            samples = plan.samples(plan.table.samples, seed, nominal=SETTINGS.fresh_noises)
             open_ = [k for k in range(len(plan.groups)) if self._spoils(k) or self._violates(k, samples)]
             self.work.keep_only({
                 GUIDANCE_SEARCH,
@@ -173,7 +168,7 @@ class TuningRun:
         first = {
             group.name: gains_of[group.name]
             for group in self.plan.groups
-            if _name(group, _PASSES - 1) in gains_of
+            if _name(group, SETTINGS.turns - 1) in gains_of
         }
         self.gains, self.reverted = revert_gains(
             self.plan, self.gains, self._fresh(), first=first, threads=self.threads
@@ -181,7 +176,7 @@ class TuningRun:
 
     def _guide(self) -> None:
         """Numbers of guidance that go with the loops as they are."""
-        plan, rig = self.plan, self._rig(self._tuned(), 2 * _FINE_STEP_S)
+        plan, rig = self.plan, self._rig(self._tuned(), 2 * SETTINGS.fine_step_s)
         if not plan.followed:
             return
 
@@ -196,39 +191,43 @@ class TuningRun:
 
     def _fresh(self) -> Samples:
         """Samples of the last assessment, which no search has seen."""
-        return self.plan.samples(_FRESH, self.plan.seed + _OTHER_SEED, nominal=_NOISES)
+        return self.plan.samples(
+            SETTINGS.fresh_vehicles, self.plan.seed + SETTINGS.seed_offset, nominal=SETTINGS.fresh_noises
+        )
 
     def _assess(self) -> Tuning:
         """Tuning with its assessment."""
         plan, fresh = self.plan, self._fresh()
         autopilots = {"start": plan.autopilot, "tuned": self._tuned()}
         performance = tuple(
-            assess(plan, name, self._rig(autopilot, _FINE_STEP_S), fresh)
+            assess(plan, name, self._rig(autopilot, SETTINGS.fine_step_s), fresh)
             for name, autopilot in autopilots.items()
         )
         quiet = None
         if not performance[-1].feasible:
-            quiet = assess_without_noise(plan, self._rig(autopilots["tuned"], _FINE_STEP_S))
+            quiet = assess_without_noise(plan, self._rig(autopilots["tuned"], SETTINGS.fine_step_s))
         return replace(self._result(performance), quiet=quiet)
 
     def _planned(self) -> dict[str, float]:
         """Time that each part flies at most, s; the margins, which do not fly, as a share of it."""
         budget, parts = self.plan.table.budget, dict[str, float]()
         count = 1 + self.plan.table.samples
-        for turn in range(_PASSES):
+        for turn in range(SETTINGS.turns):
             for group in self.plan.groups:
                 size = budget.population or batch_size(len(group.parameters))
-                sets = size * (budget.generations or GENERATIONS) + SEARCH_SETTINGS.lanes * (
-                    budget.simplex_rounds or ROUNDS
-                )
+                generations = budget.generations or GROUP_SEARCH_SETTINGS.generations
+                rounds = budget.simplex_rounds or GROUP_SEARCH_SETTINGS.rounds
+                sets = size * generations + SEARCH_SETTINGS.lanes * rounds
                 each = sum(len(trials) * trials.duration_s for trials in group.trials)
-                parts[_name(group, turn)] = sets * each * (count if turn == 0 else count - 1 + _NOISES)
+                parts[_name(group, turn)] = (
+                    sets * each * (count if turn == 0 else count - 1 + SETTINGS.fresh_noises)
+                )
         flown = sum(parts.values())
         each = sum(len(t) * t.duration_s for group in self.plan.groups for t in group.trials)
-        last = (_FRESH + _NOISES) * 2 * 2 * each
+        last = (SETTINGS.fresh_vehicles + SETTINGS.fresh_noises) * 2 * 2 * each
         after = {GUIDANCE_SEARCH: path_work_s(self.plan, self.plan.followed), _ASSESSMENT: last}
         # Margins take a tenth of the work of the searches that fly.
-        return {"margins": 0.1 * flown / _PASSES} | parts | after
+        return {"margins": 0.1 * flown / SETTINGS.turns} | parts | after
 
     def _keep(self, name: str, search: Callable[[Callable[[Step], None]], GroupResult | None]) -> bool:
         """Run or reuse a part of the search; whether it was interrupted."""
@@ -256,7 +255,13 @@ class TuningRun:
             name,
             version("seatrial"),
             repr(sensors),
-            [_PASSES, _NOISES, HEADROOM, GENERATIONS, ROUNDS],
+            [
+                SETTINGS.turns,
+                SETTINGS.fresh_noises,
+                OBJECTIVE_SETTINGS.headroom_share,
+                GROUP_SEARCH_SETTINGS.generations,
+                GROUP_SEARCH_SETTINGS.rounds,
+            ],
             self.plan.table.model_dump_json(),
             self.plan.to_dict(),  # what the table leaves to its defaults
             self.plan.current_m_s,
@@ -276,11 +281,11 @@ class TuningRun:
         """Whether the search of a group gave margins away, caught between them and its corridors."""
         name = _name(self.plan.groups[place], 0)
         result = next(result for result in self.results if result.name == name)
-        return result.after["margin"] > result.before["margin"] + ROUNDING
+        return result.after["margin"] > result.before["margin"] + GROUP_SEARCH_SETTINGS.margin_rounding
 
     def _violates(self, place: int, samples: Samples) -> bool:
         """Whether a group leaves a corridor with the gains that the others found since."""
-        rig = self._rig(self.plan.autopilot.with_gains(self.gains), 2 * _FINE_STEP_S)
+        rig = self._rig(self.plan.autopilot.with_gains(self.gains), 2 * SETTINGS.fine_step_s)
         performance = assess(self.plan, "", rig, samples, only=(self.plan.groups[place],), responses=False)
         return performance.worst_s > 0.0
 
@@ -313,9 +318,10 @@ class TuningRun:
             return
         part = step.generation / max(step.generations, 1)
         # Of a group's budget the evolution strategy takes about two thirds.
-        begun, share = {"evolution": (0.0, _EVOLUTION), "simplex": (_EVOLUTION, 1.0 - _EVOLUTION)}.get(
-            step.phase, (0.0, 1.0)
-        )
+        begun, share = {
+            "evolution": (0.0, SETTINGS.evolution_share),
+            "simplex": (SETTINGS.evolution_share, 1.0 - SETTINGS.evolution_share),
+        }.get(step.phase, (0.0, 1.0))
         share = part if name == "margins" else begun + share * part
         self.progress(
             Progress(
@@ -367,7 +373,7 @@ class WorkLeft:
     def left_s(self, name: str, share: float) -> float:
         """Time left, s, if every part uses its whole budget."""
         part = self._left[name]
-        first = _BEGUN * self._all
+        first = SETTINGS.first_progress * self._all
         worked = self._worked + share * part
         took = self._took + (self._clock() - self._began if part > 0.0 else 0.0)
         # Before anything was measured: what about two cores take, s per s of flight.

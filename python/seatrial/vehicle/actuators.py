@@ -23,8 +23,22 @@ if TYPE_CHECKING:
 NOMINAL_V = 14.8
 """Supply voltage at which tables of thrust are read: four lithium cells."""
 
-_UNDER_WAY_M_S = 1.5
-"""Speed ahead at which a fin is judged."""
+
+@dataclass(frozen=True)
+class ActuatorSettings:
+    """What an actuator counts for."""
+
+    under_way_m_s: float = 1.5  #: Speed ahead at which a fin is judged, m/s.
+    main_share: float = 0.5  #: Share of the largest force from which it is what an actuator mainly does.
+    minor_share: float = 0.05  #: Share of the largest force below which it is not worth a word.
+    #: Share of the largest entry of the allocation matrix from which a row counts as driven.
+    driven_share: float = 0.02
+    lever_m: float = 0.02  #: Lever of a force below which it counts as no turning moment, m.
+    #: Wrench about O per newton, 1 and m, from which a thruster serves a row.
+    direct_wrench: tuple[float, ...] = (0.5, 0.5, 0.5, 0.03, 0.03, 0.03)
+
+
+SETTINGS = ActuatorSettings()
 
 _USUAL = {"rpm": 2000.0, "us": 400.0, "N": 100.0, "rad": 0.35}
 
@@ -36,10 +50,6 @@ _TURNS = (
     (4, "bow up", "bow down"),
     (3, "heel to starboard", "heel to port"),
 )
-
-_MAIN, _MINOR = 0.5, 0.05  # of the largest force: what an actuator mainly does, and what is not worth a word
-_DRIVEN = 0.02  # a row of the allocation matrix, of its largest entry, that counts as driven
-_LEVER_M = 0.02  # a force with a shorter lever counts as no turning moment
 
 
 @dataclass(frozen=True)
@@ -74,11 +84,13 @@ class Push:
         strongest = max(moment for _, moment in turns)
         if largest < 1e-9 and strongest < 1e-9:
             return "no force"
-        spoken = [(axis, f) for axis, f in enumerate(forces) if abs(f) > _MINOR * largest]
-        main = [_force(axis, f) for axis, f in spoken if abs(f) >= _MAIN * largest]
-        minor = [_force(axis, f) for axis, f in spoken if abs(f) < _MAIN * largest]
+        spoken = [(axis, f) for axis, f in enumerate(forces) if abs(f) > SETTINGS.minor_share * largest]
+        main = [_force(axis, f) for axis, f in spoken if abs(f) >= SETTINGS.main_share * largest]
+        minor = [_force(axis, f) for axis, f in spoken if abs(f) < SETTINGS.main_share * largest]
         turning = [
-            word for word, m in turns if m > _LEVER_M * largest and m >= 0.1 * strongest and strongest > 1e-9
+            word
+            for word, m in turns
+            if m > SETTINGS.lever_m * largest and m >= 0.1 * strongest and strongest > 1e-9
         ]
         sentence = ", ".join(main + turning)
         return sentence + (f"; also {', '.join(minor)}" if minor else "")
@@ -103,7 +115,7 @@ def pushes(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> tuple[Push, ...
                 continue
             step = sign * half(facts[name], way)
             commands = {name: facts[name]["neutral"] + step}
-            speed = _UNDER_WAY_M_S if facts[name]["kind"] == "fin" else 0.0
+            speed = SETTINGS.under_way_m_s if facts[name]["kind"] == "fin" else 0.0
             wrench = bollard(vehicle, commands, voltage_v=voltage_v, speed_m_s=speed)
             if speed:
                 wrench = wrench - bollard(vehicle, {}, voltage_v=voltage_v, speed_m_s=speed)
@@ -165,16 +177,6 @@ def actuator_groups(vehicle: Vehicle) -> dict[str, list[str]]:
     return groups
 
 
-_DIRECT = (
-    0.5,
-    0.5,
-    0.5,
-    0.03,
-    0.03,
-    0.03,
-)  # wrench about O per newton, 1 and m, from which a thruster serves
-
-
 def pushed_axes(vehicle: Vehicle) -> str:
     """Letters of the axes ``XYZKMN`` that thrusters push directly; all where there is no actuator."""
     facts = vehicle.actuator_info()
@@ -184,7 +186,7 @@ def pushed_axes(vehicle: Vehicle) -> str:
     matrix = np.abs(np.asarray(vehicle.allocation_matrix()).reshape(6, -1)[:, thrusters])
     return "".join(
         axis
-        for axis, row, least in zip("XYZKMN", matrix, _DIRECT, strict=True)
+        for axis, row, least in zip("XYZKMN", matrix, SETTINGS.direct_wrench, strict=True)
         if row.max(initial=0.0) >= least
     )
 
@@ -245,8 +247,10 @@ def drivers(vehicle: Vehicle) -> dict[str, tuple[str, ...]]:
     names_by_axis = {}
     for axis, row in zip(AXES, allocation, strict=True):
         most = float(row.max(initial=0.0))
-        if most > (0.0 if finned else _DRIVEN * float(allocation.max(initial=0.0))):
+        if most > (0.0 if finned else SETTINGS.driven_share * float(allocation.max(initial=0.0))):
             names_by_axis[axis] = tuple(
-                name for name, entry in zip(vehicle.actuators, row, strict=True) if entry >= _MAIN * most
+                name
+                for name, entry in zip(vehicle.actuators, row, strict=True)
+                if entry >= SETTINGS.main_share * most
             )
     return names_by_axis

@@ -28,11 +28,23 @@ ROWS = AXES
 LOOPS = ("surge", "sway", "heave", "roll", "pitch", "heading")
 """The loop of each row of the wrench."""
 
-_PART = 0.1  # an actuator counts for a row when it gives this share of what the strongest gives
-_RAMP = 0.1  # share of the largest command that a small correction asks for
-_BUOYANT = 1e-4  # of the weight: less is neutral
-_NOTHING = 1e-3  # N or N m
-_WEAK = 0.02  # a singular value below this share of the largest commands nothing in practice
+
+@dataclass(frozen=True)
+class AuthoritySettings:
+    """When actuators command a row, and when a vehicle is neutral."""
+
+    #: Share of what the strongest actuator gives from which an actuator counts for a row.
+    part_share: float = 0.1
+    ramp_share: float = 0.1  #: Share of the largest command that a small correction asks for.
+    #: Buoyancy less weight, as a share of the weight, up to which a vehicle is neutral.
+    neutral_share: float = 1e-4
+    nothing_n: float = 1e-3  #: Force or moment that is nothing, N or N m.
+    #: Singular value, as a share of the largest, below which actuators command nothing in practice.
+    weak_share: float = 0.02
+    met_share: float = 0.99  #: Share of a demand that counts as met.
+
+
+SETTINGS = AuthoritySettings()
 
 
 @dataclass(frozen=True)
@@ -132,7 +144,7 @@ def commandable(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOMINA
         del missing[row]
     limits = reach(vehicle, speed_m_s, "".join(r for r in ROWS if r in kept), voltage_v=voltage_v)
     for row, (low, high) in limits.items():
-        if high < _NOTHING or (row != "X" and low > -_NOTHING):
+        if high < SETTINGS.nothing_n or (row != "X" and low > -SETTINGS.nothing_n):
             missing[row] = f"the actuators have no reach at {speed_m_s:.2g} m/s"
     return {row: missing[row] for row in ROWS if row in missing}
 
@@ -165,7 +177,7 @@ def _by_importance(vehicle: Vehicle) -> str:
     heave = np.abs(np.asarray(vehicle.allocation_matrix()).reshape(6, -1)[2])
     facts = vehicle.actuator_info()
     fins = np.array([facts[name]["kind"] == "fin" for name in vehicle.actuators], bool)
-    thrusters = heave[~fins].max(initial=0.0) > _PART * heave.max(initial=0.0)
+    thrusters = heave[~fins].max(initial=0.0) > SETTINGS.part_share * heave.max(initial=0.0)
     return "XNZMYK" if thrusters else "XNMZYK"
 
 
@@ -181,7 +193,7 @@ def _independent(vehicle: Vehicle, order: Sequence[str]) -> list[str]:
     for row in order:
         tried = scaled[[ROWS.index(name) for name in (*able, row)]]
         sizes = np.linalg.svd(tried, compute_uv=False)
-        if len(able) < matrix.shape[1] and sizes[-1] > _WEAK * largest:
+        if len(able) < matrix.shape[1] and sizes[-1] > SETTINGS.weak_share * largest:
             able.append(row)
     return [row for row in ROWS if row in able]
 
@@ -195,7 +207,7 @@ def delays(vehicle: Vehicle, rows: str) -> dict[str, Delay]:
         taking = [
             name
             for name, part in zip(vehicle.actuators, strength, strict=True)
-            if part > _PART * strength.max()
+            if part > SETTINGS.part_share * strength.max()
         ]
         by_row[row] = Delay(
             lag_s=max((values.get(f"{name}.T_1", 0.0) for name in taking), default=0.0),
@@ -224,12 +236,10 @@ def mixing(vehicle: Vehicle, rows: Sequence[str], actuators: Sequence[str] | Non
 
 def _ramp(facts: dict[str, object], rate: float) -> float:
     largest = float(str(facts["maximum_ahead"]))
-    return _RAMP * largest / rate if rate > 0.0 and np.isfinite(largest) else 0.0
+    return SETTINGS.ramp_share * largest / rate if rate > 0.0 and np.isfinite(largest) else 0.0
 
 
 _MOTIONS = ("surge", "sway", "heave", "roll", "pitch", "yaw")
-
-_WHOLE = 0.99  # of a demand that is met
 
 
 def authority_in_words(vehicle: Vehicle, speed_m_s: float) -> list[str]:
@@ -261,7 +271,7 @@ def _only_thrust(vehicle: Vehicle) -> str | None:
     driving = [
         name
         for name, part in zip(vehicle.actuators, ahead, strict=True)
-        if name not in fins and part > _PART * ahead.max()
+        if name not in fins and part > SETTINGS.part_share * ahead.max()
     ]
     return driving[0] if fins and len(driving) == 1 else None
 
@@ -270,13 +280,15 @@ def _commanded(vehicle: Vehicle, speed_m_s: float) -> list[str]:
     """Motions that can be commanded independently at a speed ahead."""
     rows = vehicle.authority(speed_m_s)
     return [
-        motion for row, motion in zip(ROWS, _MOTIONS, strict=True) if rows[row]["controlled_share"] >= _WHOLE
+        motion
+        for row, motion in zip(ROWS, _MOTIONS, strict=True)
+        if rows[row]["controlled_share"] >= SETTINGS.met_share
     ]
 
 
 def _way_up(vehicle: Vehicle) -> str:
     """Whether a vehicle without thrust comes up."""
     rest = statics(vehicle)
-    if rest.net_n > _BUOYANT * rest.weight_n:
+    if rest.net_n > SETTINGS.neutral_share * rest.weight_n:
         return f"only its buoyancy of {rest.net_n:+.2g} N brings it up"
     return 'and it is not buoyant: neither reaction of the safety, "surface" or "abort", brings it up'

@@ -35,7 +35,20 @@ from seatrial.vehicle.actuators import NOMINAL_V, voltage_for
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
-_SMALL = 1e-5  # m/s or rad: quadratic terms vanish beside linear ones, and rounding does not show
+
+@dataclass(frozen=True)
+class StabilitySettings:
+    """How eigenvalues are told from rounding."""
+
+    #: Step of a slope, m/s or rad/s or rad: quadratic terms vanish beside linear ones, and rounding does not
+    #: show.
+    slope_step: float = 1e-5
+    #: Eigenvalue, with a diagonal of one, of a damping that takes no energy: zero but for rounding.
+    zero_eigenvalue: float = 1e-9
+
+
+SETTINGS = StabilitySettings()
+
 _LEVEL = (0.0, 0.0, 0.0)  # roll, pitch and yaw in rad
 
 
@@ -82,9 +95,9 @@ def statics(vehicle: Vehicle) -> Statics:
 
     def period(axis: int) -> float | None:
         tilted = np.zeros((2, 3))
-        tilted[:, axis - 3] = [_SMALL, -_SMALL]
+        tilted[:, axis - 3] = [SETTINGS.slope_step, -SETTINGS.slope_step]
         moment = np.asarray(vehicle.forces(np.zeros((2, 6)), tilted)["restoring"])[:, axis]
-        stiffness = -(moment[0] - moment[1]) / (2.0 * _SMALL)
+        stiffness = -(moment[0] - moment[1]) / (2.0 * SETTINGS.slope_step)
         return float(2.0 * np.pi * np.sqrt(mass[axis, axis] / stiffness)) if stiffness > 0.0 else None
 
     return Statics(
@@ -119,11 +132,11 @@ def growth(vehicle: Vehicle, speed_m_s: float, plane: str) -> float:
         nu, attitude = np.zeros((2, 6)), np.zeros((2, 3))
         nu[:, 0] = speed_m_s
         if column < len(axes):
-            nu[:, axes[column]] = [_SMALL, -_SMALL]
+            nu[:, axes[column]] = [SETTINGS.slope_step, -SETTINGS.slope_step]
         else:
-            attitude[:, 1] = [_SMALL, -_SMALL]
+            attitude[:, 1] = [SETTINGS.slope_step, -SETTINGS.slope_step]
         rates = np.asarray(vehicle.acceleration(nu, attitude, neutral_fins(vehicle, nu)))
-        slope = (rates[0] - rates[1]) / (2.0 * _SMALL)
+        slope = (rates[0] - rates[1]) / (2.0 * SETTINGS.slope_step)
         # The other axes are held, so that no roll that has only begun takes part.
         matrix[: len(axes), column] = np.linalg.solve(mass[np.ix_(axes, axes)], (mass @ slope)[list(axes)])
     if plane == "pitch":
@@ -145,9 +158,9 @@ def damping_gain(vehicle: Vehicle, speeds_m_s: Sequence[float]) -> Gain | None:
         for axis in range(6):
             nu = np.zeros((2, 6))
             nu[:, 0] = speed
-            nu[:, axis] += [_SMALL, -_SMALL]
+            nu[:, axis] += [SETTINGS.slope_step, -SETTINGS.slope_step]
             force = _dissipation(vehicle, nu)
-            slope[:, axis] = (force[0] - force[1]) / (2.0 * _SMALL)
+            slope[:, axis] = (force[0] - force[1]) / (2.0 * SETTINGS.slope_step)
         part = slice(0 if speed == 0.0 else 1, 6)
         weight = scale[part]
         symmetric = 0.5 * (slope + slope.T)[part, part] * weight[:, None] * weight
@@ -209,8 +222,6 @@ _POSITIVE = ("gain", "astern_ratio", "p1_ahead", "p1_astern")
 
 _SHARES = ("t", "w")
 
-_ROUNDING = 1e-9  # of a diagonal of one: eigenvalues of a damping that takes no energy are zero to this
-
 _ANY_NUMBER = re.compile(r"[XYZKMN]_([uvwpqr]{1,2}|0)|.+\.(gain|loss|lever_[KMN])")
 """Names whose values the core takes whatever they are: forces by speed, biases, factors and levers."""
 
@@ -218,12 +229,8 @@ _ANY_NUMBER = re.compile(r"[XYZKMN]_([uvwpqr]{1,2}|0)|.+\.(gain|loss|lever_[KMN]
 class PossibleCoefficients:
     """The conditions on some coefficients of a vehicle.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-        Its own values decide which conditions count, and give the other coefficients.
-    names : sequence of str
-        Coefficients that vary, in the order of the columns.
+    `vehicle`: its own values decide which conditions count, and give the other coefficients; `names`:
+    coefficients that vary, in the order of the columns.
 
     Examples
     --------
@@ -281,9 +288,9 @@ class PossibleCoefficients:
         for k, row, column in self._linear:
             matrix[:, row, column] = -rows[:, k]
         symmetric = 0.5 * (matrix + matrix.transpose(0, 2, 1))
-        size = np.sqrt(np.maximum(np.abs(np.diagonal(symmetric, axis1=1, axis2=2)), _ROUNDING))
+        size = np.sqrt(np.maximum(np.abs(np.diagonal(symmetric, axis1=1, axis2=2)), SETTINGS.zero_eigenvalue))
         least = np.linalg.eigvalsh(symmetric / size[:, :, None] / size[:, None, :])[:, 0]
-        return np.asarray(least >= -_ROUNDING)
+        return np.asarray(least >= -SETTINGS.zero_eigenvalue)
 
     def _core_takes(self, row: Array) -> bool:
         try:

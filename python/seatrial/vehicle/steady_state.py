@@ -28,9 +28,39 @@ if TYPE_CHECKING:
 
 _PULL = "k_tether"
 
-_ROUND_S, _SAMPLE_S = 240.0, 0.25  # a vehicle settles within minutes; its last tenth is judged
-_ROUNDS = 10  # then a motion counts as not settling: 40 minutes
-_CHANGE = 1e-6  # m/s and rad/s over the last tenth of a round
+
+@dataclass(frozen=True)
+class SteadyStateSettings:
+    """When a motion counts as steady, and which speeds and turns are tabled."""
+
+    #: Length of a round, s: a vehicle settles within minutes; the last tenth of a round is judged.
+    round_s: float = 240.0
+    sample_s: float = 0.25  #: Time between two samples, s.
+    most_rounds: int = 10  #: Rounds after which a motion counts as not settling: 40 minutes.
+    #: Change over the last tenth of a round up to which a motion is steady, m/s and rad/s.
+    steady_change: float = 1e-6
+    #: Fastest speed, m/s, with a margin over underwater vehicles: above it, damping or thrust has a wrong
+    #: size.
+    fastest_m_s: float = 15.0
+    #: Shares of the largest command: the rows of a table of speeds.
+    speed_shares: tuple[float, ...] = (0.2, 0.4, 0.6, 0.8, 1.0)
+    #: Shares of the largest command: the rows of a table of turns.
+    turn_shares: tuple[float, ...] = (0.25, 0.5, 0.75, 1.0)
+    drives_share: float = 0.3  #: Share of its thrust along x from which an actuator drives ahead.
+    #: Round steps of speeds, kn; the first one that gives fewer than eight rows is taken.
+    steps_kn: tuple[float, ...] = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0)
+    #: Difference of thrust and drag, as a share of the drag, that the bisection leaves: more was not reached.
+    balanced_share: float = 1e-6
+    fin_turn_share: float = 0.5  #: Share of the largest angle and thrust of a turn by fins.
+    steers_share: float = 0.5  #: Share of its moment about z from which a fin steers.
+    turn_s: float = 120.0  #: Time within which the tightest turn settles, s.
+    turn_samples: int = 241  #: Samples of that turn: one each half second.
+    straight_rad_s: float = 1e-6  #: Turn rate up to which a vehicle goes straight, rad/s.
+    #: Turn rate at the start, rad/s: an exact balance of an unstable hull does not stay straight.
+    first_rate_rad_s: float = 1e-3
+
+
+STEADY_STATE_SETTINGS = SteadyStateSettings()
 
 
 @dataclass(frozen=True)
@@ -63,17 +93,9 @@ def steady(
 
     A tether drags, and does not pull: a vehicle at its end settles into no motion.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-    commands : {actuator: float}
-        In the actuators' own units; neutral where absent.
-    free : str
-        Axes that move, letters of XYZKMN; the others keep their initial velocity.
-    voltage_v : float
-        Supply voltage at which tables of thrust are read, V.
-    nu : (6,) array_like
-        Initial velocities, m/s and rad/s.
+    `commands`: in the actuators' own units; neutral where absent; `free`: axes that move, letters of XYZKMN;
+    the others keep their initial velocity; `voltage_v`: supply voltage at which tables of thrust are read, V;
+    `nu`: initial velocities, m/s and rad/s.
 
     Examples
     --------
@@ -86,10 +108,10 @@ def steady(
 
     # A stretched tether would end every motion at its length.
     vehicle = without_pull(vehicle)
-    t = np.arange(0.0, _ROUND_S, _SAMPLE_S)
+    t = np.arange(0.0, STEADY_STATE_SETTINGS.round_s, STEADY_STATE_SETTINGS.sample_s)
     inputs: dict[str, ArrayLike] = {name: np.full(len(t), value) for name, value in commands.items()}
     state = State(nu=nu)
-    for _ in range(_ROUNDS):
+    for _ in range(STEADY_STATE_SETTINGS.most_rounds):
         try:
             run = vehicle.simulate(t, inputs, state, free=free, voltage_v=voltage_for(vehicle, t, voltage_v))
         except DivergenceError:
@@ -97,7 +119,7 @@ def steady(
             return Steady(nothing, nothing, dict.fromkeys(commands, math.nan), settled=False)
         last = np.asarray(run.nu)[-len(t) // 10 :]
         signals = {name: float(np.asarray(y)[-1]) for name, y in run.actuators.items()}
-        settled = bool(np.ptp(last, axis=0).max() < _CHANGE)
+        settled = bool(np.ptp(last, axis=0).max() < STEADY_STATE_SETTINGS.steady_change)
         if settled:
             break
         # The next round goes on from here, back at the origin.
@@ -109,10 +131,7 @@ def steady(
     return Steady(last.mean(axis=0), wrench.mean(axis=0), signals, settled)
 
 
-_FASTEST_M_S = 15.0  # with a margin over underwater vehicles: faster, damping or thrust has a wrong size
 KNOT_M_S = 1852.0 / 3600.0  # a nautical mile an hour, by definition
-_SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)  # of the largest command: the rows of a table of speeds
-TURN_SHARES = (0.25, 0.5, 0.75, 1.0)  # of the largest command: the rows of a table of turns
 
 TURN_KINDS = {
     "under way": 0.5,
@@ -121,10 +140,6 @@ TURN_KINDS = {
     "on the spot": -1.0,
 }
 """Command of the inner side as a share of the outer side's."""
-
-_DRIVES = 0.3  # an actuator drives ahead if this share of its thrust points along x
-_STEPS_KN = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0)  # round steps; the first one that gives fewer than eight rows
-_BALANCED = 1e-6  # of the drag: thrust that differs more was not reached by the bisection
 
 
 @dataclass(frozen=True)
@@ -178,12 +193,15 @@ def drivers(vehicle: Vehicle) -> dict[str, float]:
     return {
         name: float(np.sign(matrix[0, k]))
         for k, name in enumerate(vehicle.actuators)
-        if abs(matrix[0, k]) > _DRIVES * max(sizes[k], 1e-12)
+        if abs(matrix[0, k]) > STEADY_STATE_SETTINGS.drives_share * max(sizes[k], 1e-12)
     }
 
 
 def speeds(
-    vehicle: Vehicle, *, voltage_v: float = NOMINAL_V, shares: Sequence[float] = _SHARES
+    vehicle: Vehicle,
+    *,
+    voltage_v: float = NOMINAL_V,
+    shares: Sequence[float] = STEADY_STATE_SETTINGS.speed_shares,
 ) -> tuple[Speed, ...]:
     """Steady speeds at shares of the largest command, all that drive ahead together; empty if none does.
 
@@ -206,21 +224,18 @@ def top_speed(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> Speed | None
 def refuse_impossible_speed(vehicle: Vehicle, rows: Sequence[Speed]) -> None:
     """Refuse a vehicle that its thrust drives faster than any underwater vehicle goes.
 
-    Raises
-    ------
-    VehicleError
-        Its damping is missing or far too small, or its thrust far too large.
+    Raises `VehicleError`: its damping is missing or far too small, or its thrust far too large.
     """
     top = max(rows, key=lambda row: row.speed_m_s, default=None)
     # Damping of the wrong sign is said coefficient by coefficient, with the rest of the check.
     runaway = top is None and bool(drivers(vehicle)) and not positive_damping(vehicle)
-    if not runaway and (top is None or top.speed_m_s <= _FASTEST_M_S):
+    if not runaway and (top is None or top.speed_m_s <= STEADY_STATE_SETTINGS.fastest_m_s):
         return
-    known = vehicle.coefficients()
+    known, fastest = vehicle.coefficients(), STEADY_STATE_SETTINGS.fastest_m_s
     damping = ", ".join(f"{name} = {known.get(name, 0.0):g}" for name in ("X_u", "X_uu"))
     raise VehicleError(
         f"{vehicle.name}: top speed {'without bounds' if top is None else f'{top.speed_m_s:.3g} m/s'} against"
-        f" {damping}: faster than any underwater vehicle ({_FASTEST_M_S:g} m/s); give X_u and X_uu, or"
+        f" {damping}: faster than any underwater vehicle ({fastest:g} m/s); give X_u and X_uu, or"
         ' [geometry] with shape = "spheroid", "box" or "frame", from which they are filled; else correct the'
         " thrust (N, and p1 in revolutions per second)"
     )
@@ -296,14 +311,16 @@ def cruise(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOMINAL_V) 
         low, high = (middle, high) if held(middle)[0] < drag else (low, middle)
     thrust, signals = held(high)
     # The drag lies within a jump, as below the least revolutions: no command holds this speed.
-    if abs(thrust - drag) > _BALANCED * max(abs(drag), 1e-9):
+    if abs(thrust - drag) > STEADY_STATE_SETTINGS.balanced_share * max(abs(drag), 1e-9):
         return None
     return _row(vehicle, high, speed_m_s, thrust, signals)
 
 
 def round_speeds_kn(top_kn: float) -> list[float]:
     """Round speeds in kn up to the top speed, at most seven."""
-    step = next((s for s in _STEPS_KN if top_kn / s < 8.0), _STEPS_KN[-1])
+    step = next(
+        (s for s in STEADY_STATE_SETTINGS.steps_kn if top_kn / s < 8.0), STEADY_STATE_SETTINGS.steps_kn[-1]
+    )
     return [step * k for k in range(1, min(int(top_kn / step), 7) + 1)]
 
 
@@ -335,7 +352,10 @@ def turn_kinds(vehicle: Vehicle) -> dict[str, float]:
 
 
 def turns(
-    vehicle: Vehicle, *, voltage_v: float = NOMINAL_V, shares: Sequence[float] = TURN_SHARES
+    vehicle: Vehicle,
+    *,
+    voltage_v: float = NOMINAL_V,
+    shares: Sequence[float] = STEADY_STATE_SETTINGS.turn_shares,
 ) -> tuple[Turn, ...]:
     """Steady turns by different thrust on both sides; empty where the actuators that drive cannot turn it.
 
@@ -409,10 +429,6 @@ def _endurance(vehicle: Vehicle, power_w: float | None) -> float | None:
     return float(supply["battery_wh"] / (power_w + supply.get("hotel_w", 0.0)))
 
 
-_SHARE = 0.5  # of the largest angle and thrust, as the head says
-_STEERS = 0.5  # a fin steers if this share of its moment is about z
-
-
 @dataclass(frozen=True)
 class FinTurn:
     """A steady turn to starboard by fins; the radius is of the path of O.
@@ -438,7 +454,7 @@ def rudders(vehicle: Vehicle) -> dict[str, float]:
     return {
         name: float(np.sign(moment[2]))
         for name, moment in moments.items()
-        if abs(moment[2]) > _STEERS * max(float(np.linalg.norm(moment)), 1e-12)
+        if abs(moment[2]) > STEADY_STATE_SETTINGS.steers_share * max(float(np.linalg.norm(moment)), 1e-12)
     }
 
 
@@ -460,8 +476,14 @@ def fin_turn(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> FinTurn | Non
     steering, driving, facts = rudders(vehicle), drivers(vehicle), vehicle.actuator_info()
     if not steering or not driving:
         return None
-    commands = {name: command(facts[name], _SHARE * sense) for name, sense in driving.items()}
-    commands |= {name: command(facts[name], _SHARE * sense) for name, sense in steering.items()}
+    commands = {
+        name: command(facts[name], STEADY_STATE_SETTINGS.fin_turn_share * sense)
+        for name, sense in driving.items()
+    }
+    commands |= {
+        name: command(facts[name], STEADY_STATE_SETTINGS.fin_turn_share * sense)
+        for name, sense in steering.items()
+    }
     turn = steady(vehicle, commands, free="XYN", voltage_v=voltage_v)
     speed, rate = float(np.hypot(turn.nu[0], turn.nu[1])), float(turn.nu[5])
     # A turn that swings, or a straight course, has no radius.
@@ -469,18 +491,13 @@ def fin_turn(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> FinTurn | Non
         return None
     first, fin = next(iter(driving)), next(iter(steering))
     return FinTurn(
-        fin_deg=float(np.rad2deg(_SHARE * largest(facts[fin], steering[fin]))),
-        command=_SHARE * largest(facts[first], driving[first]),
+        fin_deg=float(np.rad2deg(STEADY_STATE_SETTINGS.fin_turn_share * largest(facts[fin], steering[fin]))),
+        command=STEADY_STATE_SETTINGS.fin_turn_share * largest(facts[first], driving[first]),
         unit=str(facts[first]["unit"]),
         radius_m=speed / abs(rate),
         rate_deg_s=float(np.rad2deg(rate)),
         speed_m_s=speed,
     )
-
-
-_SETTLES_S, _SAMPLES = 120.0, 241  # a turn settles within two minutes; a sample each half second
-_STRAIGHT = 1e-6  # rad/s
-_STARTS = 1e-3  # rad/s, so that an exact balance of an unstable hull does not stay straight
 
 
 def turning_radius(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOMINAL_V) -> float | None:
@@ -521,7 +538,10 @@ def turning_radius(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOM
     )
     if not solution.success or -solution.fun <= 0.0:
         return None
-    facts, t = vehicle.actuator_info(), np.linspace(0.0, _SETTLES_S, _SAMPLES)
+    facts, t = (
+        vehicle.actuator_info(),
+        np.linspace(0.0, STEADY_STATE_SETTINGS.turn_s, STEADY_STATE_SETTINGS.turn_samples),
+    )
     hard_over = {
         name: np.full(len(t), command(facts[name], sense)) for name, sense in rudders(vehicle).items()
     }
@@ -529,7 +549,7 @@ def turning_radius(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOM
     thrusting = np.array([facts[name]["kind"] != "fin" for name in vehicle.actuators])
     wrench = matrix @ np.where(thrusting, solution.x, 0.0)
     # Without a yaw rate the vehicle would stay on its straight course.
-    nu[5] = _STARTS
+    nu[5] = STEADY_STATE_SETTINGS.first_rate_rad_s
     run = without_pull(vehicle).simulate(
         t,
         hard_over,
@@ -539,4 +559,4 @@ def turning_radius(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOM
         voltage_v=voltage_for(vehicle, t, voltage_v),
     )
     u, v, *_, rate = np.asarray(run.nu)[-1]
-    return float(np.hypot(u, v) / abs(rate)) if abs(rate) > _STRAIGHT else None
+    return float(np.hypot(u, v) / abs(rate)) if abs(rate) > STEADY_STATE_SETTINGS.straight_rad_s else None

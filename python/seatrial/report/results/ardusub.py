@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from seatrial.ardusub.axes import SOUGHT, AxisVerdict
-from seatrial.ardusub.from_log import NO_WORSE, LogTuning, worst_tail
-from seatrial.ardusub.reflight import ACCEPTED_OUTSIDE
+from seatrial.ardusub.from_log import LOG_TUNING_SETTINGS, LogTuning, worst_tail
+from seatrial.ardusub.reflight import REFLIGHT_SETTINGS
 from seatrial.ardusub.tuning import Spread
 from seatrial.base.report import Column, Report, Section, Table, listed
+from seatrial.report.results import replay
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ def report(tuning: LogTuning) -> Report:
             ),
             Section("What is behind it", _behind(tuning)),
             Section("Identified", (tuning.identified["good"],), (_coefficients(tuning),), details=True),
-            *tuning.replay.report().sections,
+            *replay.report(tuning.replay).sections,
         ),
     )
 
@@ -71,7 +72,7 @@ def _good(tuning: LogTuning) -> str:
 def _judged(tuning: LogTuning) -> str:
     loops = [verdict.loop for verdict in tuning.verdicts if verdict.judged]
     if not loops:
-        return f"{tuning.replay.good()}; no loop can be judged by what the log identifies"
+        return f"{replay.good(tuning.replay)}; no loop can be judged by what the log identifies"
     judged = f"{' and '.join(loops)} can be judged by the identified model"
     if not tuning.tuned.changes:
         return f"{judged}; no gains were found that are better than the recorded ones"
@@ -92,7 +93,10 @@ def _harm(tuning: LogTuning) -> list[str]:
     for name in tuning.before.violations:
         worst = tuning.before.worst(name), tuning.after.worst(name)
         tail = worst_tail(tuning.before, name), worst_tail(tuning.after, name)
-        if worst[1] > NO_WORSE * worst[0] + 0.01 or tail[1] > NO_WORSE * tail[0] + 0.01:
+        if (
+            worst[1] > LOG_TUNING_SETTINGS.no_worse_ratio * worst[0] + 0.01
+            or tail[1] > LOG_TUNING_SETTINGS.no_worse_ratio * tail[0] + 0.01
+        ):
             words.append(
                 f"the worst violation of {name} goes from {worst[0]:.2f} to {worst[1]:.2f} s, the mean of the"
                 f" worst tenth from {tail[0]:.2f} to {tail[1]:.2f} s"
@@ -102,7 +106,7 @@ def _harm(tuning: LogTuning) -> list[str]:
 
 def _worst(tuning: LogTuning) -> str:
     if not tuning.replay.held:
-        return tuning.replay.worst()
+        return replay.worst(tuning.replay)
     stays = _stays(tuning)
     if not tuning.margins_kept:
         return "the margins of a loop that changes fall below those before; see the table of margins"
@@ -113,7 +117,7 @@ def _worst(tuning: LogTuning) -> str:
         outside = share.fit if math.isnan(share.held_out) else share.held_out
         words.append(
             f"the {share.channel} error of the log is outside the envelope in {100 * outside:.0f} % of the"
-            f" held-out rows, expected at most {100 * ACCEPTED_OUTSIDE:.0f} %"
+            f" held-out rows, expected at most {100 * REFLIGHT_SETTINGS.accepted_outside_share:.0f} %"
         )
     if stays:
         words.append(
