@@ -85,25 +85,13 @@ AMPLE = (45.0, 12.0, 1.5)
 
 @dataclass(frozen=True)
 class AxisVerdict:
-    """Whether the model can judge a loop.
+    """Whether the model can judge a loop."""
 
-    Attributes
-    ----------
-    loop
-        roll, pitch, yaw, depth or place.
-    judged
-    why
-        A sentence: what speaks for it or against.
-    trial
-        What would tell, where it cannot.
-    implausible
-        Whether the log was identified with a mass or an inertia that the vehicle cannot have.
-    """
-
-    loop: str
+    loop: str  #: roll, pitch, yaw, depth or place.
     judged: bool
-    why: str
-    trial: str
+    why: str  #: A sentence: what speaks for it or against.
+    trial: str  #: What would tell, where it cannot.
+    #: Whether the log was identified with a mass or an inertia that the vehicle cannot have.
     implausible: bool = False
 
     @property
@@ -211,16 +199,11 @@ def _diagonals(vehicle: Vehicle, drawn: Mapping[str, Array], k: int) -> Array:
 
 @dataclass(frozen=True)
 class Margins:
-    """Least margins of a loop over drawn vehicles.
-
-    Attributes
-    ----------
-    loop
-    phase_deg, gain_db, sensitivity
-        Least phase margin, least gain margin upwards, largest sensitivity.
-    """
+    """Least margins of a loop over drawn vehicles."""
 
     loop: str
+    #: `phase_deg`, `gain_db`, `sensitivity`: least phase margin, least gain margin upwards, largest
+    #: sensitivity.
     phase_deg: float
     gain_db: float
     sensitivity: float

@@ -45,25 +45,15 @@ COMPARISON_SETTINGS = ComparisonSettings()
 
 @dataclass(frozen=True)
 class Found:
-    """A parameter that was found from the log: its value, or a bound of it.
+    """A parameter that was found from the log: its value, or a bound of it."""
 
-    Attributes
-    ----------
-    name, value
-        ArduSub's name, and the value in its unit.
-    sd
-        Standard deviation of the value, NaN where none can be told.
-    how
-        From what it was found.
-    bound
-        ``"at least"`` or ``"at most"`` where the log tells no more than that; then `value` is the bound and
-        nothing to load. Empty for a value.
-    """
-
+    #: `name`, `value`: ArduSub's name, and the value in its unit.
     name: str
     value: float
-    sd: float
-    how: str
+    sd: float  #: Standard deviation of the value, NaN where none can be told.
+    how: str  #: From what it was found.
+    #: ``"at least"`` or ``"at most"`` where the log tells no more than that; then `value` is the bound and
+    #: nothing to load. Empty for a value.
     bound: str = ""
 
     def agrees(self, other: float) -> bool:
@@ -86,58 +76,32 @@ class Found:
 
 @dataclass(frozen=True)
 class Impossible(Plain, without="partly"):
-    """A check that the modes of the log ask for and that cannot be made.
+    """A check that the modes of the log ask for and that cannot be made."""
 
-    Attributes
-    ----------
-    controller, name
-        As of a `Quantity`.
-    why
-        What is in the way.
-    topic
-        The topic that is missing; empty where another thing is in the way.
-    partly
-        Whether the topic is missing for part of the log only.
-    """
-
+    #: `controller`, `name`: as of a `Quantity`.
     controller: str
     name: str
-    why: str
-    topic: str = ""
-    partly: bool = False
+    why: str  #: What is in the way.
+    topic: str = ""  #: The topic that is missing; empty where another thing is in the way.
+    partly: bool = False  #: Whether the topic is missing for part of the log only.
 
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
-    """A logged quantity beside its replay.
-
-    Attributes
-    ----------
-    controller, name, unit
-    t
-        Times of the rows, s.
-    logged, replayed
-        (n,) each.
-    judged
-        Rows that count, (n,).
-    limit
-        Within which 95 % of the judged rows are right, in the unit.
-    why
-        Why what is left is left; empty where nothing is.
-    exact
-        Whether each row follows from itself alone: then none may be off for longer than `longest_off_s`
-        either.
-    """
+    """A logged quantity beside its replay."""
 
     controller: str
     name: str
     unit: str
-    t: Array
+    t: Array  #: Times of the rows, s.
+    #: `logged`, `replayed`: (n,) each.
     logged: Array
     replayed: Array
-    judged: Any
-    limit: float
-    why: str = ""
+    judged: Any  #: Rows that count, (n,).
+    limit: float  #: Within which 95 % of the judged rows are right, in the unit.
+    why: str = ""  #: Why what is left is left; empty where nothing is.
+    #: Whether each row follows from itself alone: then none may be off for longer than `longest_off_s`
+    #: either.
     exact: bool = False
 
     @property
@@ -223,27 +187,13 @@ _ARMED, _DISARMED = 10.0, 11.0  # EV.Id
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Modes and arming of a log over time.
+    """Modes and arming of a log over time."""
 
-    Attributes
-    ----------
-    begins
-        Times (k,) at which a mode begins, s.
-    names
-        Of the modes.
-    switched
-        Times (m,) at which the vehicle was armed or disarmed, s.
-    armed
-        Which of the two, (m,) bool.
-    start
-        Time at which the log begins, s.
-    """
-
-    begins: Array
-    names: tuple[str, ...]
-    switched: Array
-    armed: Any
-    start: float = -np.inf
+    begins: Array  #: Times (k,) at which a mode begins, s.
+    names: tuple[str, ...]  #: Of the modes.
+    switched: Array  #: Times (m,) at which the vehicle was armed or disarmed, s.
+    armed: Any  #: Which of the two, (m,) bool.
+    start: float = -np.inf  #: Time at which the log begins, s.
 
     @classmethod
     def of(cls, log: Log, samples: Mapping[str, Samples], begins: Array) -> Modes:

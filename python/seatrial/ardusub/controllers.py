@@ -51,14 +51,9 @@ _YAW_LIMITS = np.radians(np.linspace(10.0, 120.0, 111))  # rad/s2; ArduSub's bou
 
 @dataclass
 class Controllers(Comparison):
-    """The controllers of a log, replayed one after the other; what comes of them is kept here.
+    """The controllers of a log, replayed one after the other; what comes of them is kept here."""
 
-    Attributes
-    ----------
-    plane_demand
-        Times (n,) and acceleration wanted (n, 2), north and east, m/s2; None without rows of both.
-    """
-
+    #: Times (n,) and acceleration wanted (n, 2), north and east, m/s2; None without rows of both.
     plane_demand: tuple[Array, Array] | None = None
 
     # --- attitude -----------------------------------------------------------------------------------------

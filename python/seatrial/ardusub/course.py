@@ -59,38 +59,22 @@ _WANTED = 20  # columns of the core's targets
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """What a vehicle is to follow.
+    """What a vehicle is to follow."""
 
-    Attributes
-    ----------
-    name
-        For tables: the mode of the log, or what a made course does.
-    t
-        Times (n,) of the rows that are kept, s.
-    targets
-        (N, 20), a row per control period; the columns are those of `seatrial._core.ardusub_fly`.
-    period_s
-        Control period, s.
-    position, attitude, nu
-        State at the beginning: (3,), (3,) rad, (6,).
-    integrals
-        Integral parts with which the controllers begin, (7,).
-    measured
-        Loop errors by channel that the log has at the rows, (n,) each: target minus measurement.
-    demands
-        Demands (n, 6) of roll, pitch, yaw, throttle (-1 to 1), forward and lateral that the log has at the
-        rows; not a number where it has none.
-    """
-
-    name: str
-    t: Array
+    name: str  #: For tables: the mode of the log, or what a made course does.
+    t: Array  #: Times (n,) of the rows that are kept, s.
+    #: (N, 20), a row per control period; the columns are those of `seatrial._core.ardusub_fly`.
     targets: Array
-    period_s: float
+    period_s: float  #: Control period, s.
+    #: `position`, `attitude`, `nu`: state at the beginning: (3,), (3,) rad, (6,).
     position: Array
     attitude: Array
     nu: Array
-    integrals: Array
+    integrals: Array  #: Integral parts with which the controllers begin, (7,).
+    #: Loop errors by channel that the log has at the rows, (n,) each: target minus measurement.
     measured: Mapping[str, Array] = field(default_factory=dict)
+    #: Demands (n, 6) of roll, pitch, yaw, throttle (-1 to 1), forward and lateral that the log has at the
+    #: rows; not a number where it has none.
     demands: Array = field(default_factory=lambda: np.full((0, 6), np.nan))
 
     @property
@@ -339,60 +323,29 @@ def _plane(log: Log) -> _Rows | None:
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """What a vehicle's set-up gives: frame, directions of the motors, where the tether pulls.
+    """What a vehicle's set-up gives: frame, directions of the motors, where the tether pulls."""
 
-    Attributes
-    ----------
-    frame
-        Name of the frame, as ``FRAME_CONFIG`` has it.
-    direction
-        ``MOT_n_DIRECTION`` of every motor.
-    tether_at
-        (3,), body frame, m.
-    noise
-        Standard deviation of gyro (rad/s) and velocity (m/s).
-    wander_s
-        Time constant of the wrench that the model does not know, s.
-    steady
-        Steady wrench (6,) that the model does not know, N and N m.
-    coupling
-        ``MOT_FV_CPLNG_K``, which counts for the frame Vectored; ArduSub's default where it is None.
-    """
-
-    frame: str
-    direction: tuple[int, ...]
-    tether_at: tuple[float, float, float] = (-0.2, 0.0, -0.1)
+    frame: str  #: Name of the frame, as ``FRAME_CONFIG`` has it.
+    direction: tuple[int, ...]  #: ``MOT_n_DIRECTION`` of every motor.
+    tether_at: tuple[float, float, float] = (-0.2, 0.0, -0.1)  #: (3,), body frame, m.
+    #: Standard deviation of gyro (rad/s) and velocity (m/s).
     noise: tuple[float, float] = COURSE_SETTINGS.noise
-    wander_s: float = 1.0
-    steady: tuple[float, ...] = (0.0,) * 6
+    wander_s: float = 1.0  #: Time constant of the wrench that the model does not know, s.
+    steady: tuple[float, ...] = (0.0,) * 6  #: Steady wrench (6,) that the model does not know, N and N m.
+    #: ``MOT_FV_CPLNG_K``, which counts for the frame Vectored; ArduSub's default where it is None.
     coupling: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Cases:
-    """What differs between k flights; an array of one row counts for all.
+    """What differs between k flights; an array of one row counts for all."""
 
-    Attributes
-    ----------
-    seeds
-        (k,) whole numbers.
-    coefficients
-        Of the vehicle, (k,) by name.
-    current
-        (k, 3), NED, m/s.
-    wander
-        (k, 6) standard deviation of the wrench that the model does not know, N and N m.
-    tether
-        (k, 3), NED, N.
-    supply
-        (k, 3): thrust over that of the voltage at the beginning, its fall per s, its fall at full load.
-    """
-
-    seeds: NDArray[np.int_]
-    coefficients: Mapping[str, Array]
-    current: Array
-    wander: Array
-    tether: Array
+    seeds: NDArray[np.int_]  #: (k,) whole numbers.
+    coefficients: Mapping[str, Array]  #: Of the vehicle, (k,) by name.
+    current: Array  #: (k, 3), NED, m/s.
+    wander: Array  #: (k, 6) standard deviation of the wrench that the model does not know, N and N m.
+    tether: Array  #: (k, 3), NED, N.
+    #: (k, 3): thrust over that of the voltage at the beginning, its fall per s, its fall at full load.
     supply: Array
 
     @classmethod

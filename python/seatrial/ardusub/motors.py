@@ -59,25 +59,14 @@ _NEUTRAL = 1500.0  # us
 
 @dataclass(frozen=True, eq=False)
 class _Drive:
-    """Demands and pulses of a log.
+    """Demands and pulses of a log."""
 
-    Attributes
-    ----------
-    t
-        (n,), s.
-    demands
-        (n, 6): roll, pitch, yaw, throttle (-1 to 1), forward and lateral; the last two are not a number
-        where the log does not have them.
-    pulses
-        (n, outputs), us.
-    outputs
-        Index of the output of each motor.
-    """
-
-    t: Array
+    t: Array  #: (n,), s.
+    #: (n, 6): roll, pitch, yaw, throttle (-1 to 1), forward and lateral; the last two are not a number where
+    #: the log does not have them.
     demands: Array
-    pulses: Array
-    outputs: tuple[int, ...]
+    pulses: Array  #: (n, outputs), us.
+    outputs: tuple[int, ...]  #: Index of the output of each motor.
 
     def rows(self, which: Any) -> _Drive:
         """Some rows."""
@@ -95,26 +84,13 @@ class _Drive:
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """A frame beside pulses.
-
-    Attributes
-    ----------
-    name
-    direction
-        Of each motor, 1 or -1.
-    explained
-        Which motors the frame explains.
-    evidence
-        How many more pulses are explained than demands were solved from them.
-    outputs
-        Index of the output of each motor.
-    """
+    """A frame beside pulses."""
 
     name: str
-    direction: tuple[float, ...]
-    explained: tuple[bool, ...]
-    evidence: int
-    outputs: tuple[int, ...]
+    direction: tuple[float, ...]  #: Of each motor, 1 or -1.
+    explained: tuple[bool, ...]  #: Which motors the frame explains.
+    evidence: int  #: How many more pulses are explained than demands were solved from them.
+    outputs: tuple[int, ...]  #: Index of the output of each motor.
 
 
 def replay_motors(

@@ -53,30 +53,18 @@ _DRIVES = {"roll": (3,), "pitch": (4,), "yaw": (5,), "depth": (2,), "north": (0,
 
 @dataclass(frozen=True, eq=False)
 class Envelope:
-    """A loop error of a course, and between which bounds 95 % of the flights are.
-
-    Attributes
-    ----------
-    course, channel, unit
-    t
-        (n,), s.
-    measured
-        Of the log (n,): target minus measurement.
-    lower, upper, middle
-        Of the flights (n,).
-    held_out
-        Rows that were not used to fit anything, (n,).
-    """
+    """A loop error of a course, and between which bounds 95 % of the flights are."""
 
     course: str
     channel: str
     unit: str
-    t: Array
-    measured: Array
+    t: Array  #: (n,), s.
+    measured: Array  #: Of the log (n,): target minus measurement.
+    #: `lower`, `upper`, `middle`: of the flights (n,).
     lower: Array
     upper: Array
     middle: Array
-    held_out: Any
+    held_out: Any  #: Rows that were not used to fit anything, (n,).
 
     @property
     def outside(self) -> Any:
@@ -94,28 +82,16 @@ class Envelope:
 class Share(
     Plain, only="channel unit rms half_width=width outside_fit=fit outside_held_out=held_out rows inside"
 ):
-    """How much of a loop error is outside its envelope.
-
-    Attributes
-    ----------
-    channel, unit
-    rms
-        Of the log, over the rows that count.
-    width
-        Mean half-width of the envelope.
-    fit, held_out
-        Share of the rows outside; NaN where there are no rows.
-    rows
-        Held-out rows.
-    """
+    """How much of a loop error is outside its envelope."""
 
     channel: str
     unit: str
-    rms: float
-    width: float
+    rms: float  #: Of the log, over the rows that count.
+    width: float  #: Mean half-width of the envelope.
+    #: `fit`, `held_out`: share of the rows outside; NaN where there are no rows.
     fit: float
     held_out: float
-    rows: int
+    rows: int  #: Held-out rows.
 
     @property
     def inside(self) -> bool:
@@ -128,27 +104,13 @@ class Share(
 class Reflight(
     Plain, only="steady_wrench=rig.steady wander wander_s=rig.wander_s current_m_s=current channels=shares"
 ):
-    """The log's mission flown again.
+    """The log's mission flown again."""
 
-    Attributes
-    ----------
-    rig
-        With the steady wrench and the time constant that were found.
-    wander
-        Standard deviation (6,) of the wandering wrench, N and N m.
-    current
-        (3,), NED, m/s; zero where no position was controlled.
-    envelopes
-        One per course and channel.
-    shares
-        One per channel.
-    """
-
-    rig: Rig
-    wander: Array
-    current: Array
-    envelopes: tuple[Envelope, ...]
-    shares: tuple[Share, ...]
+    rig: Rig  #: With the steady wrench and the time constant that were found.
+    wander: Array  #: Standard deviation (6,) of the wandering wrench, N and N m.
+    current: Array  #: (3,), NED, m/s; zero where no position was controlled.
+    envelopes: tuple[Envelope, ...]  #: One per course and channel.
+    shares: tuple[Share, ...]  #: One per channel.
 
     @property
     def held(self) -> bool:

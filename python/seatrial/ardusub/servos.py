@@ -35,34 +35,21 @@ _ABOUT_MOTORS = re.compile(r"FRAME_CONFIG|MOT_.*|SERVO\d+_.*|RCMAP_.*|JS_.*GAIN.
 
 @dataclass(frozen=True)
 class Channel:
-    """From a servo channel to the command of an actuator.
+    """From a servo channel to the command of an actuator."""
 
-    Attributes
-    ----------
-    actuator
-        Its name.
-    number
-        Of the channel, from 1.
-    neutral, ahead, astern
-        Of the actuator's command, in its own unit: at rest, and how far it goes in each direction.
-    trim_us, low_us, high_us
-        Pulse at rest and at the ends.
-    reversed
-        Whether a longer pulse means less.
-    direct
-        Whether the command is the pulse width itself.
-    """
-
-    actuator: str
-    number: int
+    actuator: str  #: Its name.
+    number: int  #: Of the channel, from 1.
+    #: `neutral`, `ahead`, `astern`: of the actuator's command, in its own unit: at rest, and how far it goes
+    #: in each direction.
     neutral: float
     ahead: float
     astern: float
+    #: `trim_us`, `low_us`, `high_us`: pulse at rest and at the ends.
     trim_us: float = _NEUTRAL_US
     low_us: float = _LOWEST_US
     high_us: float = _HIGHEST_US
-    reversed: bool = False
-    direct: bool = True
+    reversed: bool = False  #: Whether a longer pulse means less.
+    direct: bool = True  #: Whether the command is the pulse width itself.
 
     def command(self, pulse_us: float) -> float:
         """Command in the unit of the actuator; neutral where no pulse is sent (0).

@@ -66,27 +66,14 @@ SIZES_DEG = tuple(size for size, _, _ in ARDUSUB_TUNING_SETTINGS.step_sizes)
 
 @dataclass(frozen=True)
 class Spread:
-    """What is drawn beside the vehicle.
+    """What is drawn beside the vehicle."""
 
-    Attributes
-    ----------
-    current_m_s
-        Largest speed of the current; any direction.
-    tether_n
-        Largest pull of the tether; any direction in the plane, up to half of it upwards.
-    battery
-        Least thrust at the beginning, as a share of that at full voltage.
-    fall
-        Largest share that is lost until the end.
-    sag
-        Largest share that is lost at full load.
-    """
-
-    current_m_s: float = 0.25
+    current_m_s: float = 0.25  #: Largest speed of the current; any direction.
+    #: Largest pull of the tether; any direction in the plane, up to half of it upwards.
     tether_n: float = 5.0
-    battery: float = 0.8
-    fall: float = 0.1
-    sag: float = 0.1
+    battery: float = 0.8  #: Least thrust at the beginning, as a share of that at full voltage.
+    fall: float = 0.1  #: Largest share that is lost until the end.
+    sag: float = 0.1  #: Largest share that is lost at full load.
 
     def sentence(self) -> str:
         """What is drawn, in words."""
@@ -110,22 +97,13 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Missions:
-    """Violations of many missions.
+    """Violations of many missions."""
 
-    Attributes
-    ----------
-    violations
-        (k,) by channel, s.
-    bands
-        Normalised responses (5, n) by channel over the time since the step, of the first course: the least,
-        2.5 %, the median, 97.5 %, the largest at each time.
-    since
-        (n,), s.
-    """
-
-    violations: Mapping[str, Array]
+    violations: Mapping[str, Array]  #: (k,) by channel, s.
+    #: Normalised responses (5, n) by channel over the time since the step, of the first course: the least,
+    #: 2.5 %, the median, 97.5 %, the largest at each time.
     bands: Mapping[str, Array]
-    since: Array
+    since: Array  #: (n,), s.
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data."""
@@ -155,25 +133,14 @@ class Missions:
 
 @dataclass(frozen=True, eq=False)
 class Tuned:
-    """Parameters before and after.
+    """Parameters before and after."""
 
-    Attributes
-    ----------
-    before, after
-        All parameters of the cascade that differ from ArduSub's defaults, or were found.
-    changes
-        What changes, with why and bounds.
-    margins
-        By loop: before and after.
-    evaluations
-        Candidates that were flown.
-    """
-
+    #: `before`, `after`: all parameters of the cascade that differ from ArduSub's defaults, or were found.
     before: Mapping[str, float]
     after: Mapping[str, float]
-    changes: tuple[Change, ...]
-    margins: Mapping[str, tuple[Margins, Margins]]
-    evaluations: int
+    changes: tuple[Change, ...]  #: What changes, with why and bounds.
+    margins: Mapping[str, tuple[Margins, Margins]]  #: By loop: before and after.
+    evaluations: int  #: Candidates that were flown.
 
 
 def step_courses(

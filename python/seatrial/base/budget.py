@@ -41,30 +41,23 @@ class Budget:
 
     The constant parts are what a hostile file of any small size gets; the parts in proportion to the size
     keep honest large files far from the limits: they are several times what the recordings of the tests take.
-
-    Attributes
-    ----------
-    cpu_s
-        Processor time, s, whatever the size: a file of a few kilobytes takes some milliseconds, and the
-        libraries that are loaded meanwhile one or two seconds.
-    cpu_s_per_mb
-        More of it per MB of the file, s. Tables of text and arrays take 0.02 to 0.1 s; formats whose messages
-        Python decodes one by one state more in their row of `seatrial.logs.formats.FORMATS`.
-    memory_mb
-        Growth of the process, MB, whatever the size: libraries 150 MB, a block of text and its table 200 MB.
-    memory_mb_per_mb
-        More of it per MB of the file. A number of two bytes becomes one of eight, which is there as a chunk,
-        as a column and in the joined table.
-    unpacked_mb, stream_mb, unpacked_ratio
-        Most MB to which a packed array or chunk, and a packed stream, may unpack: that much, and so many
-        times what it takes. Text of a vehicle that lies still is packed 50 times; deflate reaches 1,000 times
-        with nothing but zeros, as a single channel that never changes does.
     """
 
+    #: Processor time, s, whatever the size: a file of a few kilobytes takes some milliseconds, and the
+    #: libraries that are loaded meanwhile one or two seconds.
     cpu_s: float = 8.0
+    #: More of it per MB of the file, s. Tables of text and arrays take 0.02 to 0.1 s; formats whose messages
+    #: Python decodes one by one state more in their row of `seatrial.logs.formats.FORMATS`.
     cpu_s_per_mb: float = 0.2
+    #: Growth of the process, MB, whatever the size: libraries 150 MB, a block of text and its table 200 MB.
     memory_mb: float = 600.0
+    #: More of it per MB of the file. A number of two bytes becomes one of eight, which is there as a chunk,
+    #: as a column and in the joined table.
     memory_mb_per_mb: float = 20.0
+    #: `unpacked_mb`, `stream_mb`, `unpacked_ratio`: most MB to which a packed array or chunk, and a packed
+    #: stream, may unpack: that much, and so many times what it takes. Text of a vehicle that lies still is
+    #: packed 50 times; deflate reaches 1,000 times with nothing but zeros, as a single channel that never
+    #: changes does.
     unpacked_mb: float = 100.0
     stream_mb: float = 32.0
     unpacked_ratio: float = 200.0

@@ -83,23 +83,13 @@ class Shared:
 
 @dataclass(frozen=True)
 class Chunk(Generic[V]):
-    """A part of some work that can be done anywhere.
+    """A part of some work that can be done anywhere."""
 
-    Attributes
-    ----------
-    part
-        What it is, for people and as the name of its file.
-    inputs
-        Hash of everything that the result depends on beside function and part.
-    function
-        Called with the shared value and the arguments; defined in a module, so that others can import it.
-    shared, arguments
-        What it is called with.
-    """
-
-    part: str
-    inputs: str
+    part: str  #: What it is, for people and as the name of its file.
+    inputs: str  #: Hash of everything that the result depends on beside function and part.
+    #: Called with the shared value and the arguments; defined in a module, so that others can import it.
     function: Callable[..., V]
+    #: `shared`, `arguments`: what it is called with.
     shared: Shared
     arguments: tuple[Any, ...] = ()
 
@@ -142,18 +132,11 @@ class Done(Generic[V]):
 
 @dataclass(frozen=True)
 class Format(Generic[V]):
-    """How results are kept.
+    """How results are kept."""
 
-    Attributes
-    ----------
-    pack
-        Plain data (kept as JSON) or the content of a Parquet file.
-    unpack
-        The result from either.
-    """
-
+    #: Plain data (kept as JSON) or the content of a Parquet file.
     pack: Callable[[V], Mapping[str, Any] | bytes]
-    unpack: Callable[[Any], V]
+    unpack: Callable[[Any], V]  #: The result from either.
 
 
 def as_it_is() -> Format[Any]:

@@ -74,36 +74,19 @@ class Step:
 
 @dataclass(frozen=True)
 class Progress:
-    """State of long work: a search, a series of missions, repetitions, a plan.
+    """State of long work: a search, a series of missions, repetitions, a plan."""
 
-    Attributes
-    ----------
-    what
-        Part of the work that is under way: stage, group of gains, autopilot, repetition, trial.
-    done, total
-        Parts (or missions, repetitions) that are finished, and all of them.
-    fraction
-        Share of all work that is done.
-    elapsed_s
-        Time so far, s.
-    left_s
-        Time left, s; of a search, if it uses its whole budget. NaN while nothing is known of it.
-    step
-        State of the search that is under way; None where nothing is searched.
-    detail
-        More words on it.
-    notes
-        Sentences to show at once: what the data cannot determine, known before the search.
-    """
-
-    what: str
+    what: str  #: Part of the work that is under way: stage, group of gains, autopilot, repetition, trial.
+    #: `done`, `total`: parts (or missions, repetitions) that are finished, and all of them.
     done: int
     total: int
-    fraction: float
-    elapsed_s: float
+    fraction: float  #: Share of all work that is done.
+    elapsed_s: float  #: Time so far, s.
+    #: Time left, s; of a search, if it uses its whole budget. NaN while nothing is known of it.
     left_s: float
-    step: Step | None = None
-    detail: str = ""
+    step: Step | None = None  #: State of the search that is under way; None where nothing is searched.
+    detail: str = ""  #: More words on it.
+    #: Sentences to show at once: what the data cannot determine, known before the search.
     notes: tuple[str, ...] = ()
 
     @property

@@ -77,23 +77,15 @@ SETTINGS = MarginConstraintSettings()
 
 @dataclass(frozen=True, eq=False)
 class PointMargins:
-    """Margins of k candidates in a mode at a desired speed in m/s, per loop.
+    """Margins of k candidates in a mode at a desired speed in m/s, per loop."""
 
-    Attributes
-    ----------
-    mode, speed_m_s, loops
-        The point and its n loops.
-    of
-        Margins of each loop opened alone, (k, n) each; distances from the edge, on whichever side.
-    growth_per_s
-        Rate at which the fastest motion grows, (k,) in 1/s; 0 where none does.
-    """
-
+    #: `mode`, `speed_m_s`, `loops`: the point and its n loops.
     mode: str
     speed_m_s: float
     loops: tuple[str, ...]
+    #: Margins of each loop opened alone, (k, n) each; distances from the edge, on whichever side.
     of: LoopMargins
-    growth_per_s: Array
+    growth_per_s: Array  #: Rate at which the fastest motion grows, (k,) in 1/s; 0 where none does.
 
     def shortfall(self, limits: Margins) -> Array:
         """By how much the margins fall short (k,): 0 where the limits hold or are 0, above 1 unstable."""

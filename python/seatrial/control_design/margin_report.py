@@ -234,45 +234,32 @@ class ReportedMargins(Plain):
     """Margins of a loop in a mode at a desired speed in m/s, the other loops closed.
 
     Each margin is None where nothing bounds it, and so is its frequency in rad/s.
-
-    Attributes
-    ----------
-    mode, speed_m_s, loop
-        Which.
-    stable
-        Whether nothing grows with all loops closed; otherwise the margins are distances from the other side.
-    gain_up_db, gain_up_rad_s
-        By how much the gain may rise.
-    gain_down_db, gain_down_rad_s
-        By how much it may fall, positive.
-    phase_deg, phase_rad_s
-        Phase margin.
-    delay_s, delay_rad_s
-        Delay that may be added.
-    disk
-        Balanced disk margin, at most 2.
-    disk_gain_db, disk_phase_deg
-        Gain (either way) and phase that it stands for; the gain is None where any is tolerated.
-    sensitivity
-        Largest |1/(1 + L)|.
     """
 
+    #: `mode`, `speed_m_s`, `loop`: which.
     mode: str
     speed_m_s: float
     loop: str
+    #: Whether nothing grows with all loops closed; otherwise the margins are distances from the other side.
     stable: bool
+    #: `gain_up_db`, `gain_up_rad_s`: by how much the gain may rise.
     gain_up_db: float | None
     gain_up_rad_s: float | None
+    #: `gain_down_db`, `gain_down_rad_s`: by how much it may fall, positive.
     gain_down_db: float | None
     gain_down_rad_s: float | None
+    #: `phase_deg`, `phase_rad_s`: phase margin.
     phase_deg: float | None
     phase_rad_s: float | None
+    #: `delay_s`, `delay_rad_s`: delay that may be added.
     delay_s: float | None
     delay_rad_s: float | None
-    disk: float
+    disk: float  #: Balanced disk margin, at most 2.
+    #: `disk_gain_db`, `disk_phase_deg`: gain (either way) and phase that it stands for; the gain is None
+    #: where any is tolerated.
     disk_gain_db: float | None
     disk_phase_deg: float | None
-    sensitivity: float
+    sensitivity: float  #: Largest |1/(1 + L)|.
 
     @property
     def verdict(self) -> str:

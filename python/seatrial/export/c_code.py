@@ -34,31 +34,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Program:
-    """A step as C.
+    """A step as C."""
 
-    Attributes
-    ----------
-    prefix
-        Of all of its public names.
-    header, source
-        Text of ``PREFIX.h`` and ``PREFIX.c``.
-    parameters, state, inputs, outputs
-        Its numbers: ``name`` in C, ``known_as`` here, ``unit``, ``about``, ``start``.
-    operations
-        Per function the operations of a call by kind.
-    step_s
-        Time that a step takes, s.
-    """
-
-    prefix: str
+    prefix: str  #: Of all of its public names.
+    #: `header`, `source`: text of ``PREFIX.h`` and ``PREFIX.c``.
     header: str
     source: str
+    #: `parameters`, `state`, `inputs`, `outputs`: its numbers: ``name`` in C, ``known_as`` here, ``unit``,
+    #: ``about``, ``start``.
     parameters: list[dict[str, Any]]
     state: list[dict[str, Any]]
     inputs: list[dict[str, Any]]
     outputs: list[dict[str, Any]]
-    operations: dict[str, dict[str, int]]
-    step_s: float
+    operations: dict[str, dict[str, int]]  #: Per function the operations of a call by kind.
+    step_s: float  #: Time that a step takes, s.
 
 
 """What is recorded of a filter, as the table of operations names it: half a step of the motors, one of four

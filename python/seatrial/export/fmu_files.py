@@ -21,21 +21,11 @@ from seatrial.export.c_code import Program
 
 @dataclass(frozen=True)
 class BuildFiles:
-    """What stands in a unit besides its binary.
+    """What stands in a unit besides its binary."""
 
-    Attributes
-    ----------
-    description
-        ``modelDescription.xml``.
-    sources
-        Files of the folder ``sources`` by name.
-    compiled
-        Those of them that a compiler is given.
-    """
-
-    description: bytes
-    sources: dict[str, str]
-    compiled: tuple[str, ...]
+    description: bytes  #: ``modelDescription.xml``.
+    sources: dict[str, str]  #: Files of the folder ``sources`` by name.
+    compiled: tuple[str, ...]  #: Those of them that a compiler is given.
 
 
 _SYMBOLS: Mapping[str, tuple[dict[str, int], float]] = {

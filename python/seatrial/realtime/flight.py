@@ -55,22 +55,13 @@ SETTINGS = PaceSettings()
 
 @dataclass(frozen=True, eq=False)
 class Timing:
-    """How a loop kept time.
+    """How a loop kept time."""
 
-    Attributes
-    ----------
-    period_s
-        Of the clock.
-    lateness, work
-        Of each tick, (n,), s.
-    overruns
-        Ticks whose work ended after the next was due.
-    """
-
-    period_s: float
+    period_s: float  #: Of the clock.
+    #: `lateness`, `work`: of each tick, (n,), s.
     lateness: Array
     work: Array
-    overruns: int
+    overruns: int  #: Ticks whose work ended after the next was due.
 
     def quantile(self, share: float) -> float:
         """Lateness that a share of the ticks stayed below, s."""

@@ -126,33 +126,19 @@ def _parse(data: bytes, count: int) -> _Command | str:
 class HardwareFacts(
     Plain, only="sent taken lost ignored unsent expired neutral_periods round_trip_s=round_trips"
 ):
-    """What went over the link.
+    """What went over the link."""
 
-    Attributes
-    ----------
-    sent, taken
-        Packets to the hardware, and good ones from it.
-    unsent
-        Packets that the system did not take, by why; they count as sent.
-    lost
-        Numbers that were missing between good packets.
-    ignored
-        Packets that were passed over, by why: short, magic, version, count, checksum, number, old, stranger.
-    expired
-        How often the watchdog expired.
-    neutral_periods
-        Periods with the actuators at neutral because of it, the ones before the first packet included.
-    round_trip_s
-        From a packet to the answer to it, of each good packet, s.
-    """
-
+    #: `sent`, `taken`: packets to the hardware, and good ones from it.
     sent: int
     taken: int
-    lost: int
+    lost: int  #: Numbers that were missing between good packets.
+    #: Packets that were passed over, by why: short, magic, version, count, checksum, number, old, stranger.
     ignored: Mapping[str, int]
-    expired: int
+    expired: int  #: How often the watchdog expired.
+    #: Periods with the actuators at neutral because of it, the ones before the first packet included.
     neutral_periods: int
-    round_trip_s: tuple[float, ...]
+    round_trip_s: tuple[float, ...]  #: From a packet to the answer to it, of each good packet, s.
+    #: Packets that the system did not take, by why; they count as sent.
     unsent: Mapping[str, int] = field(default_factory=dict)
 
     @property

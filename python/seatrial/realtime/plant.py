@@ -33,23 +33,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What moves at an instant, SI.
+    """What moves at an instant, SI."""
 
-    Attributes
-    ----------
-    t_s
-        Time since the beginning.
-    position, attitude, nu
-        NED (3,); quaternion body to NED (4,); body frame (6,).
-    specific_force
-        What an accelerometer shows, body frame, (3,), m/s2.
-    """
-
-    t_s: float
+    t_s: float  #: Time since the beginning.
+    #: `position`, `attitude`, `nu`: NED (3,); quaternion body to NED (4,); body frame (6,).
     position: Array
     attitude: Array
     nu: Array
-    specific_force: Array
+    specific_force: Array  #: What an accelerometer shows, body frame, (3,), m/s2.
 
     @property
     def euler(self) -> Array:

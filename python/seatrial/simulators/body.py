@@ -48,40 +48,26 @@ def _zeros() -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A body in water, forward-right-down about O, SI.
-
-    Attributes
-    ----------
-    name
-    mass, gravity_centre, inertia
-        kg; (3,), m; (3, 3) about O, kg m2.
-    buoyancy, buoyancy_centre
-        N, None where the file does not tell it; (3,), m.
-    added_mass
-        (6, 6), the matrix itself: positive definite where it is right.
-    linear, quadratic
-        (6, 6), derivatives of the force: entry i, j by nu_j and by ``|nu_j| nu_j``.
-    rho, g
-        kg/m3, m/s2.
-    size
-        Length, width and height, m, where the file tells them.
-    round
-        Whether the hull is round about its long axis.
-    """
+    """A body in water, forward-right-down about O, SI."""
 
     name: str
+    #: `mass`, `gravity_centre`, `inertia`: kg; (3,), m; (3, 3) about O, kg m2.
     mass: float
     gravity_centre: Array = field(default_factory=lambda: np.zeros(3))
     inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    #: `buoyancy`, `buoyancy_centre`: N, None where the file does not tell it; (3,), m.
     buoyancy: float | None = None
     buoyancy_centre: Array = field(default_factory=lambda: np.zeros(3))
+    #: (6, 6), the matrix itself: positive definite where it is right.
     added_mass: Array = field(default_factory=_zeros)
+    #: `linear`, `quadratic`: (6, 6), derivatives of the force: entry i, j by nu_j and by ``|nu_j| nu_j``.
     linear: Array = field(default_factory=_zeros)
     quadratic: Array = field(default_factory=_zeros)
+    #: `rho`, `g`: kg/m3, m/s2.
     rho: float = 1025.0
     g: float = 9.81
-    size: tuple[float, float, float] | None = None
-    round: bool = False
+    size: tuple[float, float, float] | None = None  #: Length, width and height, m, where the file tells them.
+    round: bool = False  #: Whether the hull is round about its long axis.
 
     def coefficients(self) -> dict[str, float]:
         """Coefficients of the vehicle file; zeros left out but for those that the file must have."""

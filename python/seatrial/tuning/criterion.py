@@ -67,31 +67,16 @@ SETTINGS = CriterionSettings()
 
 @dataclass(frozen=True)
 class StepMetrics:
-    """Figures of a step response; shares are of the step, times in s since it, inf: never within the record.
+    """Figures of a step response: shares of the step, times in s since it, inf where never in the record."""
 
-    Attributes
-    ----------
-    dead_s : float
-        Until 5 % of the step are reached for the first time.
-    rise_s : float
-        Until 90 % are reached for the first time.
-    rise_10_90_s : float
-        From 10 to 90 %.
-    overshoot, undershoot : float
-        Largest excess above the new set point, and largest way below the old one.
-    settling_s : float
-        From then on the response stays within the band.
-    steady_error : float
-        Mean of what is missing to the set point over the last tenth of the record.
-    """
-
-    dead_s: float
-    rise_s: float
-    rise_10_90_s: float
+    dead_s: float  #: Until 5 % of the step are reached for the first time.
+    rise_s: float  #: Until 90 % are reached for the first time.
+    rise_10_90_s: float  #: From 10 to 90 %.
+    #: `overshoot`, `undershoot`: largest excess above the new set point, and largest way below the old one.
     overshoot: float
     undershoot: float
-    settling_s: float
-    steady_error: float
+    settling_s: float  #: From then on the response stays within the band.
+    steady_error: float  #: Mean of what is missing to the set point over the last tenth of the record.
 
 
 def normalised(response: ArrayLike, before: ArrayLike, after: ArrayLike) -> Array:
@@ -262,18 +247,12 @@ def _total(values: Array, response: Array, period: float) -> Array:
 
 @dataclass(frozen=True)
 class StartMetrics:
-    """Figures of a loop over its trials; those that are not held at all are left out.
+    """Figures of a loop over its trials; those that are not held at all are left out."""
 
-    Attributes
-    ----------
-    noise
-        Largest standard deviation at rest, SI; 0 where no trial is held.
-    rise_s, overshoot, settling_s
-        Largest of the steps; overshoot as a share of the step. A step that never rises has no rise time, one
-        that does not settle takes all of its time. 0 where nothing is held.
-    """
-
-    noise: float
+    noise: float  #: Largest standard deviation at rest, SI; 0 where no trial is held.
+    #: `rise_s`, `overshoot`, `settling_s`: largest of the steps; overshoot as a share of the step. A step
+    #: that never rises has no rise time, one that does not settle takes all of its time. 0 where nothing is
+    #: held.
     rise_s: float
     overshoot: float
     settling_s: float

@@ -370,21 +370,14 @@ def path_trials(scope: TuningScope, path: str, distance_m: float, delay_s: float
 
 @dataclass(frozen=True)
 class PathNumbers:
-    """What was chosen for some paths.
+    """What was chosen for some paths."""
 
-    Attributes
-    ----------
-    gains
-        By the names of `Autopilot.gains`.
-    before, after
-        Violation and time-weighted error, s, with what the file had and with what was chosen.
-    evaluations, flown_s
-        Sets of numbers that were tried, and the time that they flew, s.
-    """
-
-    gains: Mapping[str, float]
+    gains: Mapping[str, float]  #: By the names of `Autopilot.gains`.
+    #: `before`, `after`: violation and time-weighted error, s, with what the file had and with what was
+    #: chosen.
     before: Mapping[str, float]
     after: Mapping[str, float]
+    #: `evaluations`, `flown_s`: sets of numbers that were tried, and the time that they flew, s.
     evaluations: int
     flown_s: float
 

@@ -154,20 +154,11 @@ class Terms:
 
 @dataclass(frozen=True, eq=False)
 class Flown:
-    """What k candidates did with s samples, mean over trials and loops, (k, s) each.
+    """What k candidates did with s samples, mean over trials and loops, (k, s) each."""
 
-    Attributes
-    ----------
-    violation
-        Q of each sample, s; infinite for what diverged.
-    offset
-        Off at the end, s, without the part of a slow integral.
-    time, effort
-        T, s, and E, 1/s.
-    """
-
-    violation: Array
-    offset: Array
+    violation: Array  #: Q of each sample, s; infinite for what diverged.
+    offset: Array  #: Off at the end, s, without the part of a slow integral.
+    #: `time`, `effort`: T, s, and E, 1/s.
     time: Array
     effort: Array
 
@@ -199,38 +190,17 @@ class Still:
 
 @dataclass(frozen=True, eq=False)
 class Objective:
-    """Cost of candidates of some gains, all others as they are.
+    """Cost of candidates of some gains, all others as they are."""
 
-    Attributes
-    ----------
-    rig
-        The closed loop with the gains that are not searched.
-    trials
-        One per loop or path of the search.
-    samples
-        What each candidate meets.
-    parameters
-        What is searched.
-    margins
-        Limits of the margins; None for none.
-    quantile
-        Over the samples; 1.0 is the worst.
-    smoothness
-        Weight of the roughness.
-    reached
-        Whether the vehicle reaches each breakpoint.
-    start
-        Gains of the campaign's autopilot, whose integral times are slow enough; none: those of the rig.
-    """
-
-    rig: Rig
-    trials: tuple[LoopTrials, ...]
-    samples: Samples
-    parameters: GainParameters
-    margins: MarginConstraint | None
-    quantile: float
-    smoothness: float
-    reached: NDArray[np.bool_]
+    rig: Rig  #: The closed loop with the gains that are not searched.
+    trials: tuple[LoopTrials, ...]  #: One per loop or path of the search.
+    samples: Samples  #: What each candidate meets.
+    parameters: GainParameters  #: What is searched.
+    margins: MarginConstraint | None  #: Limits of the margins; None for none.
+    quantile: float  #: Over the samples; 1.0 is the worst.
+    smoothness: float  #: Weight of the roughness.
+    reached: NDArray[np.bool_]  #: Whether the vehicle reaches each breakpoint.
+    #: Gains of the campaign's autopilot, whose integral times are slow enough; none: those of the rig.
     start: Mapping[str, float] | None = None
 
     def __call__(self, x: Array) -> Array:

@@ -49,28 +49,20 @@ SETTINGS = PerformanceSettings()
 
 @dataclass(frozen=True)
 class StepPerformance:
-    """A step of a loop at a speed, there and back.
+    """A step of a loop at a speed, there and back."""
 
-    Attributes
-    ----------
-    loop, unit, speed_m_s, step
-        Which; the step in the unit.
-    nominal_s, worst_s
-        Violation of the corridors, s: the largest of the vehicle itself in still water over several noises,
-        and of all samples. Infinite where the answer diverges.
-    held
-        Share of the drawn vehicles that violate nothing.
-    rise_s, overshoot, settling_s, steady_error
-        Of the nominal response there; shares of the step, times in s, inf: never.
-    """
-
+    #: `loop`, `unit`, `speed_m_s`, `step`: which; the step in the unit.
     loop: str
     unit: str
     speed_m_s: float
     step: float
+    #: `nominal_s`, `worst_s`: violation of the corridors, s: the largest of the vehicle itself in still water
+    #: over several noises, and of all samples. Infinite where the answer diverges.
     nominal_s: float
     worst_s: float
-    held: float
+    held: float  #: Share of the drawn vehicles that violate nothing.
+    #: `rise_s`, `overshoot`, `settling_s`, `steady_error`: of the nominal response there; shares of the step,
+    #: times in s, inf: never.
     rise_s: float
     overshoot: float
     settling_s: float
@@ -101,27 +93,13 @@ class Responses:
 class Performance(
     Plain, without="autopilot responses", also="autopilot=autopilot.name nominal_s worst_s feasible"
 ):
-    """How an autopilot's responses keep to their corridors.
+    """How an autopilot's responses keep to their corridors."""
 
-    Attributes
-    ----------
-    name
-        "start", "tuned".
-    autopilot
-        Which.
-    trials
-        A `StepPerformance` each.
-    samples
-        How many drawn vehicles with currents.
-    responses
-        Per loop, for figures.
-    """
-
-    name: str
-    autopilot: Autopilot
-    trials: tuple[StepPerformance, ...]
-    samples: int
-    responses: Mapping[str, Responses]
+    name: str  #: "start", "tuned".
+    autopilot: Autopilot  #: Which.
+    trials: tuple[StepPerformance, ...]  #: A `StepPerformance` each.
+    samples: int  #: How many drawn vehicles with currents.
+    responses: Mapping[str, Responses]  #: Per loop, for figures.
 
     @property
     def nominal_s(self) -> float:
@@ -270,27 +248,15 @@ _OTHERS = "what no loop of the search owns"
 
 @dataclass(frozen=True)
 class Standing:
-    """How a set of gains stands.
+    """How a set of gains stands."""
 
-    Attributes
-    ----------
-    outside_s
-        Per loop the violation of the vehicle itself, and that of the worst sample, summed over trials, s.
-    lacking
-        Shortfall of the margins.
-    short
-        Loops (mode, speed in m/s, loop) whose margins fall short, beyond rounding, or whose motion grows.
-    inside
-        Responses of the vehicle itself that stay within their corridors.
-    growth
-        Rate of the fastest motion that grows, 1/s; 0 where none does.
-    """
-
+    #: Per loop the violation of the vehicle itself, and that of the worst sample, summed over trials, s.
     outside_s: Mapping[str, tuple[float, float]]
-    lacking: float
+    lacking: float  #: Shortfall of the margins.
+    #: Loops (mode, speed in m/s, loop) whose margins fall short, beyond rounding, or whose motion grows.
     short: frozenset[tuple[str, float, str]] = frozenset()
-    inside: int = 0
-    growth: float = 0.0
+    inside: int = 0  #: Responses of the vehicle itself that stay within their corridors.
+    growth: float = 0.0  #: Rate of the fastest motion that grows, 1/s; 0 where none does.
 
     @property
     def own(self) -> float:

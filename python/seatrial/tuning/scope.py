@@ -47,34 +47,18 @@ SETTINGS = ScopeSettings()
 
 @dataclass(frozen=True, eq=False)
 class TuningScope:
-    """A vehicle and its autopilot under the table of a tuning.
+    """A vehicle and its autopilot under the table of a tuning."""
 
-    Attributes
-    ----------
-    table
-        The campaign's ``[tuning]``.
-    fitted
-        The vehicle and how well it is known.
-    autopilot
-        With the start gains.
-    name, seed
-        Of the tuning; all its draws come from the seed.
-    origin
-        What the gains are tuned on, in words.
-    given_text
-        The campaign file that asks for the tuning, kept with the results; None without one.
-    inputs
-        SHA-256 of what the tuning reads, by name.
-    """
-
-    table: TuningTable
-    fitted: Fitted
-    autopilot: Autopilot
+    table: TuningTable  #: The campaign's ``[tuning]``.
+    fitted: Fitted  #: The vehicle and how well it is known.
+    autopilot: Autopilot  #: With the start gains.
+    #: `name`, `seed`: of the tuning; all its draws come from the seed.
     name: str = "tuning"
     seed: int = 0
-    origin: str = ""
+    origin: str = ""  #: What the gains are tuned on, in words.
+    #: The campaign file that asks for the tuning, kept with the results; None without one.
     given_text: str | None = None
-    inputs: Mapping[str, str] = field(default_factory=dict)
+    inputs: Mapping[str, str] = field(default_factory=dict)  #: SHA-256 of what the tuning reads, by name.
 
     @property
     def vehicle(self) -> Vehicle:

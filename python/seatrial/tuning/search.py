@@ -254,36 +254,20 @@ GUIDANCE_SEARCH = "guidance"
 
 @dataclass(frozen=True, eq=False)
 class GroupResult(Plain):
-    """What the search of one group found.
+    """What the search of one group found."""
 
-    Attributes
-    ----------
-    name
-        Of the group.
-    gains
-        Found, by the names of `Autopilot.gains`.
-    before, after
-        Parts of the cost with the gains that the search began with, and with those found: violation (s),
-        margin, time (s), roughness, effort (1/s).
-    evaluations, flown_s
-        Sets of gains that were tried, and the time that they flew, s.
-    history
-        A `Step` per batch.
-    at_bound
-        Factors that ended at a bound.
-    interrupted
-        Whether Ctrl-C ended it.
-    """
-
-    name: str
-    gains: Mapping[str, float]
+    name: str  #: Of the group.
+    gains: Mapping[str, float]  #: Found, by the names of `Autopilot.gains`.
+    #: `before`, `after`: parts of the cost with the gains that the search began with, and with those found:
+    #: violation (s), margin, time (s), roughness, effort (1/s).
     before: Mapping[str, float]
     after: Mapping[str, float]
+    #: `evaluations`, `flown_s`: sets of gains that were tried, and the time that they flew, s.
     evaluations: int
     flown_s: float
-    history: tuple[Step, ...]
-    at_bound: tuple[str, ...]
-    interrupted: bool
+    history: tuple[Step, ...]  #: A `Step` per batch.
+    at_bound: tuple[str, ...]  #: Factors that ended at a bound.
+    interrupted: bool  #: Whether Ctrl-C ended it.
 
     @classmethod
     def from_dict(cls, kept: Mapping[str, Any]) -> GroupResult:

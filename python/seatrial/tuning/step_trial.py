@@ -68,24 +68,12 @@ STEP_TRIAL_SETTINGS = StepTrialSettings()
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """What each candidate meets: s vehicles, currents and noises.
+    """What each candidate meets: s vehicles, currents and noises."""
 
-    Attributes
-    ----------
-    coefficients
-        Of the vehicle that flies, {name: (s,)}, SI.
-    current
-        North, east, down, (s, 3), m/s; trials head north.
-    seeds
-        Of the sensors' noise, (s,).
-    nominal
-        So many of the first are the vehicle itself in still water, each with its own noise.
-    """
-
-    coefficients: Mapping[str, Array]
-    current: Array
-    seeds: tuple[int, ...]
-    nominal: int = 1
+    coefficients: Mapping[str, Array]  #: Of the vehicle that flies, {name: (s,)}, SI.
+    current: Array  #: North, east, down, (s, 3), m/s; trials head north.
+    seeds: tuple[int, ...]  #: Of the sensors' noise, (s,).
+    nominal: int = 1  #: So many of the first are the vehicle itself in still water, each with its own noise.
 
     def __len__(self) -> int:
         return len(self.seeds)
@@ -100,28 +88,15 @@ class Samples:
 
 @dataclass(frozen=True, eq=False)
 class LoopTrials:
-    """Steps of a loop, and what its answers are held against.
+    """Steps of a loop, and what its answers are held against."""
 
-    Attributes
-    ----------
-    loop
-        Key of `CHANNELS`.
-    corridor
-        Of the loop's own answer.
-    beside
-        Half-width of the band that another channel keeps to, by channel, SI.
-    speeds, sizes
-        Per trial the desired speed, m/s, and the step, SI.
-    settle_s
-        Time before the first step.
-    """
-
-    loop: str
-    corridor: Corridor
-    beside: Mapping[str, float]
+    loop: str  #: Key of `CHANNELS`.
+    corridor: Corridor  #: Of the loop's own answer.
+    beside: Mapping[str, float]  #: Half-width of the band that another channel keeps to, by channel, SI.
+    #: `speeds`, `sizes`: per trial the desired speed, m/s, and the step, SI.
     speeds: tuple[float, ...]
     sizes: tuple[float, ...]
-    settle_s: float
+    settle_s: float  #: Time before the first step.
 
     def __len__(self) -> int:
         return len(self.speeds)
@@ -219,33 +194,16 @@ _SILENCE = [3, 4]  # time between drop-outs and their duration in the timing of 
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """The closed loop in which trials are flown.
+    """The closed loop in which trials are flown."""
 
-    Attributes
-    ----------
-    vehicle
-        That flies, unless the samples say otherwise.
-    model
-        The autopilot's own model: the best values.
-    autopilot
-        Whose gains the candidates change.
-    sensors
-        By kind, "typical" or a file; None for perfect ones.
-    max_step_s
-        Of the integration, s.
-    voltage_v
-        Supply, V, where thrust depends on it.
-    threads
-        All by default.
-    """
-
-    vehicle: Vehicle
-    model: Vehicle
-    autopilot: Autopilot
+    vehicle: Vehicle  #: That flies, unless the samples say otherwise.
+    model: Vehicle  #: The autopilot's own model: the best values.
+    autopilot: Autopilot  #: Whose gains the candidates change.
+    #: By kind, "typical" or a file; None for perfect ones.
     sensors: Mapping[str, Sensor] | str | None = "typical"
-    max_step_s: float = 0.05
-    voltage_v: float | None = None
-    threads: int | None = None
+    max_step_s: float = 0.05  #: Of the integration, s.
+    voltage_v: float | None = None  #: Supply, V, where thrust depends on it.
+    threads: int | None = None  #: All by default.
 
     @cached_property
     def _ready(self) -> dict[tuple[float, float], Cases]:
