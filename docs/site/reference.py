@@ -1,4 +1,4 @@
-"""Pages of the reference, written from the program: names, rooms, verbs, keys of the files."""
+"""Pages of the reference, written from the program: names, rooms, verbs, keys of the files, thresholds."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ import typer
 from pydantic import BaseModel
 
 import seatrial as st
+from docs.site import thresholds
 from docs.site.file_keys import FILES, SUFFIX, page
 from seatrial.base.toml_file import Section
 from seatrial.bench_test.file import BenchFile
@@ -36,6 +37,7 @@ def write_reference(folder: Path) -> list[tuple[str, str]]:
         "campaign_keys": ("Campaign file: every key", model_tables("campaign", CampaignFile)),
         "bench_keys": ("Bench file: every key", model_tables("bench", BenchFile)),
         **{f"{file}_keys": (f"{file.capitalize()} file: every key", page(file)) for file in FILES},
+        "thresholds": ("Thresholds", thresholds.page()),
     }
     for name, (title, text) in made.items():
         (folder / f"{name}.md").write_text(f"# {title}\n\n{text}", encoding="utf-8")

@@ -14,6 +14,7 @@ import pytest
 from docs.site.build import DOCS, broken, navigation, pages
 from docs.site.formulas import FormulaError, mathml
 from docs.site.reference import command_line, model_tables
+from docs.site.thresholds import Thresholds, page, thresholds
 from seatrial.campaign.file import CampaignFile
 from tests.docs.pages import NAMES, blocks, text
 
@@ -97,3 +98,18 @@ def test_the_reference_tells_types_and_defaults_of_the_files_and_options_of_the_
     verbs = command_line()
     assert "## `identify`" in verbs
     assert "--resume / --no-resume" in verbs
+
+
+@pytest.mark.parametrize("group", list(thresholds()), ids=lambda group: f"{group.module}.{group.name}")
+def test_every_threshold_has_a_reason(group: Thresholds) -> None:
+    assert group.description
+    assert group.fields
+    assert [field.name for field in group.fields if len(field.reason.split()) < 2] == []
+
+
+def test_the_page_of_thresholds_tells_module_value_and_reason() -> None:
+    shown = page()
+    assert (
+        "## AcceptedMarginLimits\n\n`seatrial.control_design.tuning_table`. Margins that a control" in shown
+    )
+    assert "| `phase_deg` | `30.0` | Least phase margin, deg: the lower end of what the source" in shown

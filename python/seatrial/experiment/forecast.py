@@ -54,11 +54,11 @@ FORECAST_SETTINGS = ForecastSettings()
 
 @dataclass(frozen=True)
 class Limits:
-    """Room for a manoeuvre: greatest depth, m; area, m x m; greatest heel and trim, deg. None is no limit."""
+    """Room for a manoeuvre; None is no limit."""
 
-    depth_m: float | None = None
-    area_m: tuple[float, float] | None = None
-    tilt_deg: float = 60.0
+    depth_m: float | None = None  #: Greatest depth, m.
+    area_m: tuple[float, float] | None = None  #: Area, m x m.
+    tilt_deg: float = 60.0  #: Greatest heel and trim, deg.
 
     def __post_init__(self) -> None:
         for name, value in (("depth", self.depth_m), ("tilt", self.tilt_deg)):

@@ -35,15 +35,13 @@ class FailureSurfaceSettings:
     start_values: tuple[int, int] = (9, 5)
     #: Standard deviation of the constant part of f: Phi(-2 .. 2) covers shares of 2 to 98 %.
     constant_sd: float = 2.0
-    #: Centres of the priors of the size of the smooth part, of the slope, and of a length over the range.
-    prior_size: float = 1.0
-    prior_slope: float = 3.0
-    prior_length: float = 0.3
+    prior_size: float = 1.0  #: Centre of the prior of the size of the smooth part.
+    prior_slope: float = 3.0  #: Centre of the prior of the slope.
+    prior_length: float = 0.3  #: Centre of the prior of a length, over the range.
     #: Standard deviation of the priors' logarithms: a factor of 3.3.
     prior_log_sd: float = 1.2
-    #: Most Newton steps to the mode, and the gain of a step that ends them.
-    newton_steps: int = 60
-    least_gain: float = 1e-8
+    newton_steps: int = 60  #: Most Newton steps to the mode.
+    least_gain: float = 1e-8  #: Gain of a step that ends them.
 
 
 SETTINGS = FailureSurfaceSettings()

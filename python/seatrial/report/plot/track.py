@@ -39,12 +39,12 @@ class PlanSettings:
     letter: float = 0.062  #: Width of a letter of a waypoint's name.
     line: float = 0.12  #: Height of a waypoint's name.
     away: tuple[float, ...] = (0.07, 0.14, 0.22)  #: From a waypoint to its name: the nearest that is clear.
-    left: float = 0.55
-    right: float = 0.2
-    top: float = 0.56
+    left: float = 0.55  #: Left margin: the ticks and the label of the axis.
+    right: float = 0.2  #: Right margin.
+    top: float = 0.56  #: Top margin: the heading.
     axis: float = 0.42  #: Below a panel: its ticks and label.
     profile: float = 1.45  #: Height of the profile below a plan.
-    legend_row: float = 0.15
+    legend_row: float = 0.15  #: Height of a row of the legend.
     tall: float = 0.85  #: A track higher than this share of its width stands beside its profile.
     arrow: float = 0.3  #: Length of the arrow of the current.
 

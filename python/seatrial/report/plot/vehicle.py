@@ -155,9 +155,9 @@ class ViewsSettings:
 
     #: A direction with less than this share in the page is drawn as a point or a cross.
     along: float = 0.15
-    left: float = 0.62
-    right: float = 0.1
-    top: float = 0.62
+    left: float = 0.62  #: Left margin: ticks and label.
+    right: float = 0.1  #: Right margin.
+    top: float = 0.62  #: Top margin: the heading.
     gap: float = 0.68  #: Between side and front.
     bottom: float = 0.62  #: Below each view: ticks and label.
     foot: float = 0.46  #: Below the lowest view.
