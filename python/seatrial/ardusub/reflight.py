@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.ardusub.course import CHANNELS, COURSE_SETTINGS, Cases, Course, Rig, fly_course
+from seatrial.ardusub.course import CHANNELS, FLOWN_SETTINGS, Cases, Course, Rig, fly_course
 from seatrial.base.arrays import Array
 from seatrial.base.plain import Plain
 
@@ -289,7 +289,7 @@ class _Calibration:
         """
         k = len(next(iter(drawn.values()))) if drawn else 24
         cases = Cases.of(k, seed=seed, coefficients=drawn, current=current, wander=wander)
-        lag = round(0.3 / COURSE_SETTINGS.row_s)
+        lag = round(0.3 / FLOWN_SETTINGS.row_s)
         sums: dict[str, Array] = {}
         for course, fit in zip(self.courses, self.fits, strict=True):
             if not fit.any():

@@ -19,7 +19,7 @@ import numpy as np
 
 from seatrial._core import ardusub_defaults
 from seatrial.ardusub.axes import SOUGHT, AxisVerdict, MarginModel, Margins, margins_of
-from seatrial.ardusub.course import COURSE_SETTINGS, Cases, Course, Rig, fly_course, still_targets
+from seatrial.ardusub.course import FLOWN_SETTINGS, Cases, Course, Rig, fly_course, still_targets
 from seatrial.ardusub.parameters import Change
 from seatrial.base.arrays import Array
 from seatrial.control_design.corridor import Corridor
@@ -154,12 +154,12 @@ def step_courses(
 
     `rise_s` is that of a step of yaw of 60 deg, see `rise_of`; a yaw target turns by `slew_deg_s`.
     """
-    every = round(COURSE_SETTINGS.row_s / period_s)
+    every = round(FLOWN_SETTINGS.row_s / period_s)
     own = tuple(name for name in STEPS if name in channels)
     n = (
         round(
             (ARDUSUB_TUNING_SETTINGS.first_step_s + len(own) * ARDUSUB_TUNING_SETTINGS.between_steps_s)
-            / COURSE_SETTINGS.row_s
+            / FLOWN_SETTINGS.row_s
         )
         * every
     )
@@ -342,7 +342,7 @@ def _violation(corridor: Corridor, since: Array, response: Array) -> Array:
     sound = np.where(np.isfinite(response), response, ARDUSUB_TUNING_SETTINGS.diverged_violation)
     below, above = np.maximum(lower - sound, 0.0), np.maximum(sound - upper, 0.0)
     return np.asarray(
-        (corridor.weight_lower * below + corridor.weight_upper * above).sum(axis=1) * COURSE_SETTINGS.row_s
+        (corridor.weight_lower * below + corridor.weight_upper * above).sum(axis=1) * FLOWN_SETTINGS.row_s
     )
 
 
@@ -422,7 +422,7 @@ def tune_parameters(
                         np.where(np.isfinite(response), response, ARDUSUB_TUNING_SETTINGS.diverged_violation)
                         - 1.0
                     ).sum(axis=1)
-                    * COURSE_SETTINGS.row_s
+                    * FLOWN_SETTINGS.row_s
                 )
             violation.reshape(-1)[mine] = total
         worst = np.sort(violation, axis=1)[
