@@ -93,7 +93,7 @@ def _beside(node: ast.ClassDef, lines: list[str]) -> Iterator[tuple[str, str]]:
     for field, after in zip(node.body, [*node.body[1:], None], strict=True):
         if not (isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)):
             continue
-        above = []
+        above = list[str]()
         for line in reversed(lines[: field.lineno - 1]):
             if not line.strip().startswith("#:"):
                 break

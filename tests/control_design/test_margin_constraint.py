@@ -15,15 +15,11 @@ from numpy.typing import NDArray
 import seatrial as st
 from seatrial.base.errors import CampaignError
 from seatrial.control_design.margin_constraint import MarginConstraint, PointMargins
-from seatrial.control_design.margin_report import (
-    ReportedMargins,
-    autopilot_margins,
-    margin_table,
-    report_margins,
-)
+from seatrial.control_design.margin_report import ReportedMargins, autopilot_margins, report_margins
 from seatrial.control_design.margins import decibel
 from seatrial.control_design.operating_points import reachable_points
 from seatrial.control_design.tuning_table import Margins
+from seatrial.report.results.margins import margin_table
 from tests.control_design.started import started
 
 CWOLF = st.Vehicle.load("cwolf")

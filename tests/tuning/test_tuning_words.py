@@ -11,9 +11,9 @@ from seatrial.base.work import Progress, Work
 from seatrial.control_design.corridor import Corridor
 from seatrial.control_design.margin_report import ReportedMargins
 from seatrial.identification.fitted import Fitted
-from seatrial.report.results.tuning import sentences
+from seatrial.report.results.tuning import sentences, why_outside
 from seatrial.tuning.control_problem import ControlProblem
-from seatrial.tuning.performance import Performance, StepPerformance, why_outside
+from seatrial.tuning.performance import Performance, StepPerformance
 from seatrial.tuning.result import Tuning
 from tests.tuning.tuning_campaigns import HEADING, campaign, plan, tuned
 

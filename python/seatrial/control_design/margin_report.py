@@ -17,7 +17,6 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.plain import Plain
-from seatrial.base.report import Column, Table
 from seatrial.control_design.loops import Sampled, closed
 from seatrial.control_design.lqr import Tolerances
 from seatrial.control_design.margins import (
@@ -49,12 +48,6 @@ from seatrial.vehicle.authority import LOOPS, ROWS
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
     from seatrial.sensors.sensor import Sensor
-
-SENSITIVITY_NOTE = (
-    "Sensitivity: how much the loop enlarges a disturbance at worst,"
-    f" accepted up to {ACCEPTED.sensitivity:g}."
-)
-"""Below every table of margins whose verdict may be the sensitivity."""
 
 _STATES = ("depth", "roll", "pitch", "heading", "speed", "sway", "heave", "roll", "pitch", "heading")
 """The first states of the closed loop in words, rates as what they move."""
@@ -330,49 +323,3 @@ def _reported(of: LoopMargins, disks: Array, row: int) -> dict[str, Any]:
         "disk_phase_deg": float(np.rad2deg(2.0 * np.arctan(half))),
         "sensitivity": float(of.sensitivity[row]),
     }
-
-
-def margin_table(rows: Sequence[ReportedMargins], *, title: str = "Margins") -> Table:
-    """The margins as a table of a report, a row per mode, speed and loop.
-
-    Examples
-    --------
-    >>> row = ReportedMargins("cruise", 2.0, "heading", True, 29.1, 2.8, None, None, 61.2, 0.35, 3.05, 0.35,
-    ...     1.16, 11.5, 60.3, 1.2)
-    >>> margin_table([row]).rows
-    (('cruise', '2.00', 'heading', '29.1', '-', '61', '3.05', '1.16', ''),)
-    """
-
-    def number(value: float | None, digits: int) -> str:
-        return "-" if value is None else f"{value:.{digits}f}"
-
-    cells = [
-        (
-            row.mode,
-            f"{row.speed_m_s:.2f}",
-            row.loop,
-            number(row.gain_up_db, 1),
-            number(row.gain_down_db, 1),
-            number(row.phase_deg, 0),
-            number(row.delay_s, 2),
-            number(row.disk, 2),
-            row.verdict,
-        )
-        for row in rows
-    ]
-    head = (
-        "mode",
-        "m/s",
-        "loop",
-        "up, dB",
-        "down, dB",
-        "phase, deg",
-        "delay, s",
-        "disk",
-        Column("", align="left"),
-    )
-    note = (
-        "Each loop opened alone; disk: gain and phase changed at once (disk margin, at most 2); last column:"
-        f" what is less than accepted. {SENSITIVITY_NOTE}"
-    )
-    return Table.of(title, head, cells, note=note)

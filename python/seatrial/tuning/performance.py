@@ -7,7 +7,6 @@ Held by tests/tuning/test_tune.py, test_performance_claims.py, test_revert_gains
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING
@@ -16,7 +15,6 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.plain import Plain
-from seatrial.control_design.corridor import CORRIDOR_SETTINGS
 from seatrial.control_design.tuning_table import LOOPS
 from seatrial.tuning.criterion import step_metrics
 from seatrial.tuning.objective import OBJECTIVE_SETTINGS, violated
@@ -25,7 +23,6 @@ from seatrial.tuning.step_trial import LoopTrials, Rig, Samples
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot
-    from seatrial.control_design.corridor import Corridor
     from seatrial.control_design.margin_constraint import MarginConstraint
     from seatrial.tuning.control_problem import ControlProblem, Group
 
@@ -44,7 +41,7 @@ class PerformanceSettings:
     same_score_s: float = 0.03
 
 
-SETTINGS = PerformanceSettings()
+PERFORMANCE_SETTINGS = PerformanceSettings()
 
 
 @dataclass(frozen=True)
@@ -177,7 +174,7 @@ def _worst(samples: Samples, total: Array) -> Samples:
     """The first of some samples and those that violate most, of violations (trials, samples)."""
     worst = total.max(axis=0)
     worst[0] = np.inf
-    rows = np.argsort(-worst, kind="stable")[: SETTINGS.shown_samples]
+    rows = np.argsort(-worst, kind="stable")[: PERFORMANCE_SETTINGS.shown_samples]
     return Samples(
         {name: np.asarray(values)[rows] for name, values in samples.coefficients.items()},
         samples.current[rows],
@@ -213,34 +210,6 @@ def _step_performance(
 def assess_without_noise(plan: ControlProblem, rig: Rig) -> Performance:
     """How the vehicle itself keeps to its corridors in still water with perfect sensors, on a rig's gains."""
     return assess(plan, "without noise", replace(rig, sensors=None), Samples({}, np.zeros((1, 3)), (1,)))
-
-
-def why_outside(quiet: StepPerformance, corridor: Corridor) -> str:
-    """What makes a response leave its corridor, and what to do, from the same step with perfect sensors."""
-    if quiet.nominal_s == 0.0:
-        return (
-            "with perfect sensors it stays inside, so sensor noise or latency is the cause; take larger"
-            " steps, or raise settled and overshoot"
-        )
-    if not quiet.overshoot < SETTINGS.far_steps:  # nor where it diverged
-        return "the motion grows at that speed; leave it out of speeds_m_s, or begin with gains that hold it"
-    rise = next((time for time, bound in corridor.lower if bound >= CORRIDOR_SETTINGS.risen_share), math.inf)
-    lower, upper = corridor.sampled([corridor.until_s])
-    most = max((bound for _, bound in corridor.upper), default=math.inf) - 1.0
-    if quiet.rise_s > rise:
-        reached = f"in {quiet.rise_s:.1f} s" if math.isfinite(quiet.rise_s) else "not at all"
-        return f"it rises {reached}, {rise:g} s are asked; raise rise_s, or take smaller steps"
-    if quiet.overshoot > most:
-        return (
-            f"it overshoots by {quiet.overshoot:.0%} without noise, too, {most:.0%} are allowed; raise"
-            " overshoot, or rise_s for gentler gains"
-        )
-    if not math.isfinite(quiet.settling_s):
-        return (
-            f"it is not within {100.0 * (1.0 - lower[0]):.0f} % below and {100.0 * (upper[0] - 1.0):.0f} %"
-            f" above its set point by {corridor.until_s:g} s; raise settled or until_s"
-        )
-    return "it settles late, there or on the way back; raise settling_s"
 
 
 _OTHERS = "what no loop of the search owns"
@@ -292,7 +261,7 @@ class Standing:
         if self.inside != start.inside:
             return self.inside < start.inside
         outside, begun = (sum(own for own, _ in each.outside_s.values()) for each in (self, start))
-        return outside > begun + SETTINGS.same_score_s
+        return outside > begun + PERFORMANCE_SETTINGS.same_score_s
 
     def worse(self, start: Standing) -> tuple[str, ...]:
         """Loops that leave their corridors further than with the start gains.
@@ -303,7 +272,7 @@ class Standing:
         for loop, (own, worst) in self.outside_s.items():
             own_start, worst_start = start.outside_s[loop]
             # The worst of the samples may be half worse, and 0.1 s of a step, by luck.
-            if own > own_start + SETTINGS.rounding_s or worst > 1.5 * worst_start + 0.1:
+            if own > own_start + PERFORMANCE_SETTINGS.rounding_s or worst > 1.5 * worst_start + 0.1:
                 loops.append(loop)
         return tuple(loops)
 
@@ -391,7 +360,7 @@ def _is_better(candidate: Standing, now: Standing, start: Standing, margins_aske
     ):
         return True
     regained = len(candidate.lost(start)) < len(now.lost(start)) and candidate.lacking <= now.lacking
-    return regained or candidate.own <= now.own + SETTINGS.same_score_s
+    return regained or candidate.own <= now.own + PERFORMANCE_SETTINGS.same_score_s
 
 
 def standing(
@@ -399,7 +368,7 @@ def standing(
 ) -> Standing:
     """How some gains stand, all others those of the start; the first samples are the vehicle itself."""
     autopilot = plan.autopilot.with_gains(dict(gains))
-    rig = plan.rig(autopilot, max_step_s=SETTINGS.assessment_step_s, threads=threads)
+    rig = plan.rig(autopilot, max_step_s=PERFORMANCE_SETTINGS.assessment_step_s, threads=threads)
     performance = assess(plan, "", rig, samples, responses=False)
     inside = sum(trial.nominal_s == 0.0 for trial in performance.trials)
     if plan.margins is None:
@@ -422,7 +391,7 @@ def _outside(performance: Performance) -> dict[str, tuple[float, float]]:
     for trial in performance.trials:
         nominal, worst = outside.get(trial.loop, (0.0, 0.0))
         outside[trial.loop] = (
-            nominal + min(trial.nominal_s, SETTINGS.diverged_violation_s),
-            worst + min(trial.worst_s, SETTINGS.diverged_violation_s),
+            nominal + min(trial.nominal_s, PERFORMANCE_SETTINGS.diverged_violation_s),
+            worst + min(trial.worst_s, PERFORMANCE_SETTINGS.diverged_violation_s),
         )
     return outside

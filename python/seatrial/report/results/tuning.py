@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.report import Report, Section, Table, appended, listed
-from seatrial.tuning.performance import Performance, StepPerformance
+from seatrial.control_design.corridor import CORRIDOR_SETTINGS, Corridor
+from seatrial.report.results.margins import margin_table
+from seatrial.tuning.performance import PERFORMANCE_SETTINGS, Performance, StepPerformance
 from seatrial.tuning.result import Tuning, missed_limits, shown_below, without_table
 from seatrial.tuning.scope import GAINS
 from seatrial.tuning.search import GUIDANCE_SEARCH
@@ -32,8 +34,6 @@ _MARGINS = "margins"
 
 def report(tuning: Tuning) -> Report:
     """Three lines, responses before and after, gains, margins; sentences."""
-    from seatrial.control_design.margin_report import margin_table
-
     worst, next_step = _worst(tuning)
     statements = tuple(sentences(tuning))
     responses = [
@@ -217,8 +217,6 @@ def sentences(tuning: Tuning) -> list[str]:
 
 def _why(tuning: Tuning, trial: StepPerformance) -> str:
     """Reason of a violation, after a colon."""
-    from seatrial.tuning.performance import why_outside
-
     if tuning.quiet is None:
         return ""
     key = (trial.loop, trial.speed_m_s, trial.step)
@@ -226,6 +224,34 @@ def _why(tuning: Tuning, trial: StepPerformance) -> str:
         if (quiet.loop, quiet.speed_m_s, quiet.step) == key:
             return f": {why_outside(quiet, tuning.quiet.responses[quiet.loop].trials.corridor)}"
     return ""
+
+
+def why_outside(quiet: StepPerformance, corridor: Corridor) -> str:
+    """What makes a response leave its corridor, and what to do, from the same step with perfect sensors."""
+    if quiet.nominal_s == 0.0:
+        return (
+            "with perfect sensors it stays inside, so sensor noise or latency is the cause; take larger"
+            " steps, or raise settled and overshoot"
+        )
+    if not quiet.overshoot < PERFORMANCE_SETTINGS.far_steps:  # nor where it diverged
+        return "the motion grows at that speed; leave it out of speeds_m_s, or begin with gains that hold it"
+    rise = next((time for time, bound in corridor.lower if bound >= CORRIDOR_SETTINGS.risen_share), math.inf)
+    lower, upper = corridor.sampled([corridor.until_s])
+    most = max((bound for _, bound in corridor.upper), default=math.inf) - 1.0
+    if quiet.rise_s > rise:
+        reached = f"in {quiet.rise_s:.1f} s" if math.isfinite(quiet.rise_s) else "not at all"
+        return f"it rises {reached}, {rise:g} s are asked; raise rise_s, or take smaller steps"
+    if quiet.overshoot > most:
+        return (
+            f"it overshoots by {quiet.overshoot:.0%} without noise, too, {most:.0%} are allowed; raise"
+            " overshoot, or rise_s for gentler gains"
+        )
+    if not math.isfinite(quiet.settling_s):
+        return (
+            f"it is not within {100.0 * (1.0 - lower[0]):.0f} % below and {100.0 * (upper[0] - 1.0):.0f} %"
+            f" above its set point by {corridor.until_s:g} s; raise settled or until_s"
+        )
+    return "it settles late, there or on the way back; raise settling_s"
 
 
 def _beside(path: Path) -> str:
