@@ -51,9 +51,9 @@ KEYS = ("automatic", "signs", "axes", "delay_s", "tilt_deg", "scale", "bias", "h
 class CorrectionSettings:
     """Largest values that a correction may hold: a larger one is in another unit."""
 
-    largest_delay_s: float = 1e3  #: s
-    largest_scale: float = 1e6  #: a factor
-    largest_angle_deg: float = 360.0  #: deg
+    largest_delay_s: float = 1e3  #: Delay of a sensor, s.
+    largest_scale: float = 1e6  #: Factor on a channel.
+    largest_angle_deg: float = 360.0  #: Angle of a tilt, deg.
     farthest_lengths: float = 2.0  #: lengths of the hull: no sensor is carried farther out
 
 
