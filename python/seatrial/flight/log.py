@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import polars as pl
 
     from seatrial._core import Autopilot, Flights, Vehicle
-    from seatrial.flight.cases import Circumstances
+    from seatrial.flight.circumstances import Circumstances
     from seatrial.flight.mission import Mission, Route
 
 Numbers = NDArray[np.int64]
