@@ -17,9 +17,10 @@
 //! with V the variance of the unexplained force after one lag about that after two (waves, noise), d₂ the hydrodynamic
 //! force and F those of the actuators (errors of the model, ρ), j what a current of 0.25 m/s changes. Twice the logarithm of
 //! the generalised likelihood ratio is `Λ = 2 δ bᵀS⁻¹r − δ² bᵀS⁻¹b` at the best δ within the actuator's reach. The actuator
-//! with the largest Λ is suspected where that exceeds 20 for two seconds and explains most of `rᵀS⁻¹r`: a collision, a
-//! tether or the bottom push as no actuator does. It is given up after four, where the others can do without it and its
-//! signal is not measured; from then on it counts as standing at the force that was found, and is looked at again.
+//! with the largest Λ is suspected where that exceeds 22 for six seconds, or 38 for 2.4, and explains most of `rᵀS⁻¹r`: a
+//! collision, a tether or the bottom push as no actuator does. It is given up after six, where the others can do without
+//! it and its signal is not measured; from then on it counts as standing at the force that was found, and is looked at
+//! again.
 //!
 //! Nothing of this changes faster than the lags: motion, attitude and signals are averaged over 0.25 s, and a batch pays
 //! for lags and ratios at their ends alone. With `S = L Lᵀ` the ratios are products of `L⁻¹ r` and `L⁻¹ b`. What a current
@@ -60,15 +61,19 @@ const LEAST: f64 = 2e-3;
 /// A current that no sensor tells, m/s: the standard deviation of each component.
 const CURRENT_M_S: f64 = 0.25;
 
-/// Λ from which an actuator is suspected: of models 15 % off 13 was exceeded six times in 62 h, 20 nine times in 1,228 h. Share of the unexplained that it must explain.
-const SUSPECT: f64 = 20.0;
+/// Λ from which time counts against an actuator, and the share of the unexplained that it must explain.
+const SUSPECT: f64 = 22.0;
 const EXPLAINS: f64 = 0.6;
 
-/// For so long, s: longer than the largest wave pushes one way.
-const SUSPECTED_S: f64 = 2.0;
+/// Each second counts (Λ − 11)/11 of them, at most 2.5: waves push hard for a moment, a failure lasts.
+const UNTOLD: f64 = 11.0;
+const MOST: f64 = 2.5;
+
+/// So much counted time, s, makes a suspect: two seconds at Λ > 20 raised eight false alarms of a torpedo in 320 h.
+const SUSPECTED_S: f64 = 6.0;
 
 /// The same actuator for so long, s, is given up.
-const CERTAIN_S: f64 = 4.0;
+const CERTAIN_S: f64 = 6.0;
 
 /// Means are looked at when there are more than so many seconds of them: an eighth of a lag.
 const LOOK_S: f64 = 0.25;
@@ -115,7 +120,7 @@ pub struct Isolation<T> {
     blind: T,
     /// The same since the sensors contradicted each other, s.
     settled: T,
-    /// The hypothesis that explains best, from 1, and 0 for none; for how long there has been one, s.
+    /// The hypothesis that explains best, from 1, and 0 for none; for how long there has been one, weighted, s.
     best: T,
     lasting: T,
     /// For how long it has been the same, s.
@@ -358,7 +363,9 @@ impl<T: Real> Isolation<T> {
         let least = (explainable * EXPLAINS).max(zero.splat(SUSPECT));
         let holds = T::both(ready, least.lt(largest));
         let same = (best - self.best).abs().lt(zero.splat(0.5));
-        let lasting = T::select(holds, self.lasting + self.waited, zero);
+        let weight = (largest - UNTOLD) * (1.0 / (SUSPECT - UNTOLD));
+        let weight = weight.clamped(zero.splat(1.0), zero.splat(MOST));
+        let lasting = T::select(holds, self.waited.mul_add(weight, self.lasting), zero);
         let certain = T::select(same, self.certain, zero) + self.waited;
         self.lasting = T::select(due, lasting, self.lasting);
         self.certain = T::select(due, T::select(holds, certain, zero), self.certain);
