@@ -126,14 +126,14 @@ def test_after_the_operators_reset_what_is_still_true_calls_again() -> None:
 
 
 @pytest.mark.long
-def test_ordinary_flight_in_waves_gives_two_alarms_in_240_hours_at_most() -> None:
-    """Ten in 1,228 h of models 15 % off (docs/validation.md) are two in 246 h; the aim is one in 1,000 h."""
+def test_ordinary_flight_in_waves_gives_one_alarm_in_240_hours_at_most() -> None:
+    """Models 15 % off gave three in 1,228 h (docs/validation.md); the aim is one in 1,000 h."""
     began: list[str] = []
     for vehicle in false_alarms.VEHICLES:
         alarms, hours = false_alarms.flown(vehicle, cases=64, seed=1)
         assert hours > 50.0
         began += [watch for watch in alarms.elements() if not watch.endswith(false_alarms.LAUNCHED)]
-    assert len(began) <= 2, began
+    assert len(began) <= 1, began
     # Contradictions of sensors are none of them: what is wrong there is the autopilot's model.
     assert set(began) <= {"actuator"}
 
