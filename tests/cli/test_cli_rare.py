@@ -42,8 +42,10 @@ def run(*arguments: str) -> tuple[int, str]:
 
 
 def test_a_failure_is_found_flown_and_kept_as_a_case(campaign: Path) -> None:
-    code, text = run("falsify", str(campaign), "--figures", "none")
+    page = campaign.with_name("search.html")
+    code, text = run("falsify", str(campaign), "--figures", "none", "--report", str(page))
     assert code == 1, text
+    assert "keeps its path" in page.read_text()
     assert "short: falsified." in text
     assert (campaign.parent / "runs" / "short-falsified-keeps-its-path" / "flight.json").is_file()
     case = (campaign.parent / "runs" / "short-falsified" / "cases.toml").read_text()
@@ -54,7 +56,9 @@ def test_a_failure_is_found_flown_and_kept_as_a_case(campaign: Path) -> None:
 
 
 def test_rare_failures_say_probability_and_interval(campaign: Path) -> None:
-    code, text = run("rare", str(campaign), "--population", "100", "--json")
+    page = campaign.with_name("rare.html")
+    code, text = run("rare", str(campaign), "--population", "100", "--json", "--report", str(page))
+    assert page.is_file()
     found = json.loads(text)
     event = found["requirements"][0]["event"]
     assert event["interval"][0] < event["estimate"] < event["interval"][1]

@@ -85,9 +85,11 @@ def test_the_verb_draws_and_refuses(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     (tmp_path / "out.toml").write_text(OUT)
     (tmp_path / "short.toml").write_text(CAMPAIGN)
     arguments = ["boundary", "short.toml", "sensor_latency_s=0:3", "--runs", "200"]
+    arguments += ["--report", "short.html"]
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 0, result.output
     assert list((tmp_path / "runs" / "short-boundary" / "figures").glob("boundary*.png"))
+    assert (tmp_path / "short.html").is_file()
     for wrong, words in (("sensor_latency_s", "FROM:TO"), ("sensor_latency_s=a:b", "FROM:TO")):
         result = CliRunner().invoke(app, ["boundary", "short.toml", wrong])
         assert result.exit_code == 2

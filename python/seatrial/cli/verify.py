@@ -246,6 +246,7 @@ def rare(
 
     The exit code is 0 when every requirement is held, 1 when not, 2 for bad input.
     """
+    from seatrial.cli.console import reported
     from seatrial.verification.rare import Rare
 
     strategy = Rare(requirements=requirement or (), population=population)
@@ -254,6 +255,7 @@ def rare(
     failures = _surveyed(strategy, scenario, folder, "rare failures", computing, output)
     results = f"Results in {folder}: rare.json, summary.txt and the inputs"
     output.show(failures, {"run_directory": str(folder)}, results=results)
+    reported(output.page, [folder], quiet=output.json)
     end(interrupted=failures.interrupted, held=failures.held)
 
 
@@ -274,6 +276,7 @@ def falsify(
 
     The exit code is 0 when no mission fails, 1 when one does, 2 for bad input.
     """
+    from seatrial.cli.console import reported
     from seatrial.report.plot import gallery
     from seatrial.verification.falsify import Falsify
 
@@ -307,6 +310,7 @@ def falsify(
     )
     if output.json:
         drawn()
+    reported(output.page, [folder], quiet=output.json)
     end(interrupted=falsification.interrupted, held=not falsification.falsified)
 
 
@@ -331,6 +335,7 @@ def boundary(
 
     Example: seatrial boundary campaign.toml current_speed_m_s=0:1.2,payload_kg=-5:40 --runs 4000
     """
+    from seatrial.cli.console import reported
     from seatrial.verification.boundary import Boundary
 
     strategy = Boundary(_ranges(variables), requirement or ())
@@ -343,6 +348,7 @@ def boundary(
         results=f"Results in {folder}: boundary.json, summary.txt and the inputs",
         draw=partial(output.draw, boundaries, folder / "figures"),
     )
+    reported(output.page, [folder], quiet=output.json)
     end(interrupted=boundaries.interrupted)
 
 
