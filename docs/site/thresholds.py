@@ -88,8 +88,10 @@ def _entries(attributes: str) -> Iterator[tuple[str, str]]:
 def _beside(node: ast.ClassDef, lines: list[str]) -> Iterator[tuple[str, str]]:
     """Field and reason where a comment stands above or beside the field, or a text below it.
 
-    A comment above that begins with names of several fields is the reason of each.
+    A comment above that begins with names of several fields is the reason of each; one above is also that of
+    the fields that follow without any.
     """
+    shared = ""
     for field, after in zip(node.body, [*node.body[1:], None], strict=True):
         if not (isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)):
             continue
@@ -102,7 +104,8 @@ def _beside(node: ast.ClassDef, lines: list[str]) -> Iterator[tuple[str, str]]:
         match after:
             case ast.Expr(value=ast.Constant(value=str(text))) if not reason:
                 reason = text
-        if reason:
-            yield field.target.id, reason
+        shared = " ".join(above) or ("" if reason else shared)
+        if reason or shared:
+            yield field.target.id, reason or shared
             if named := re.match(r"\s*((?:`\w+`, )+`\w+`):(.*)", reason):
                 yield from ((name, named[2]) for name in re.findall(r"`(\w+)`", named[1]))

@@ -177,8 +177,7 @@ class Score(
         return {name: channel.mae for name, channel in self.channels.items()}
 
     def only(self, kept: Mask, channels: Sequence[str], source: str) -> Score:
-        """The score on some of its windows, shape (windows,), and channels; those that it has not are left
-        out.
+        """The score on the windows that are `kept`, shape (windows,), and on `channels`, those that it has.
 
         A `TrialError` that begins with `source` where none is left.
         """

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.ardusub.from_log import LogTuning
+from seatrial.ardusub.log_replay import Replay
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import CHANNELS, DEGREE, readable
 from seatrial.report.plot.flight import line
@@ -43,7 +44,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from seatrial.ardusub.comparison import Quantity
-    from seatrial.ardusub.log_replay import Replay
     from seatrial.verification.mission_log.verdict import LogVerdict
 
 _BAND = "#CFE3F1"

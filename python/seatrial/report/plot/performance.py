@@ -139,11 +139,11 @@ def _limit(value: float | None) -> float:
 class PerformanceFigureSettings:
     """Layout of speed and turning, inches, and where turns are drawn."""
 
-    height: float = 4.9
-    top: float = 0.62
-    bottom: float = 0.5
+    height: float = 4.9  #: Of the figure.
+    top: float = 0.62  #: Above the panels, for title and legend.
+    bottom: float = 0.5  #: Below the panels, for the label of the command.
     gap: float = 0.36  #: Between two panels above each other.
-    left: float = 0.55
+    left: float = 0.55  #: Beside the panels, for their labels.
     wide: float = 2.55  #: Of the panels over the command.
     axis: float = 0.5  #: For an axis at the right of a panel.
     legend: float = 0.9  #: Below the turning circles.
