@@ -179,7 +179,8 @@ def _jumps(signal: Signal) -> Mask:
 
 def _wide(signal: Signal, y: Array) -> float:
     """Extent of most of the motion of a pose `y` (m, k): m, or rad of an attitude."""
-    if not np.isfinite(y).any():
+    y = y[:, np.isfinite(y).any(axis=0)]  # a channel without a number says nothing of the motion
+    if not y.size:
         return 0.0
     spread = np.nanquantile(y, 0.95, axis=0) - np.nanquantile(y, 0.05, axis=0)
     return float(np.linalg.norm(spread)) * (2.0 if signal.name == "attitude" else 1.0)
