@@ -20,16 +20,16 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "python" / "seatrial"
 
 LIMITS = {
-    "Python files": 413,
-    "Python lines": 115_720,
+    "Python files": 381,
+    "Python lines": 115_100,
     "modules that import the campaign": 13,
-    "lines that build text below the verbs": 6_660,
-    "functions over 8 parameters": 44,
-    "parameters of the widest function": 20,
-    "numeric constants of modules": 1_550,
+    "lines that build text below the verbs": 4_300,
+    "functions over 8 parameters": 30,
+    "parameters of the widest function": 16,
+    "numeric constants of modules": 215,
     "numeric constants of modules without a reason": 0,
-    "comment lines per 1,000 lines of long functions, at least": 22,
-    "bindings named by a pronoun or a participle": 318,
+    "comment lines per 1,000 lines of long functions, at least": 28,
+    "bindings named by a pronoun or a participle": 241,
     "words of documentation": 89_260,
 }
 """Beyond these the build fails."""
