@@ -328,7 +328,7 @@ def campaign_reference(
         return spread_of_reference([part for one in given for part in parts(one)])
     if judged.trial:
         own = parts(judged)
-        if sum(len(one.spans) for one in own) >= 2 * VALIDITY_SETTINGS.fewest_windows:
+        if sum(len(reference.spans) for reference in own) >= 2 * VALIDITY_SETTINGS.fewest_windows:
             return spread_of_reference(own)
     _refuse_missing(campaign)
     trials = [name for name in campaign.trials if campaign.problem().input_of(name) == judged.input]

@@ -348,12 +348,12 @@ def _vehicle_limits(rows: Sequence[LegRow], vehicle: Vehicle, voltage_v: float) 
     if fast := [row for row in rows if row.speed_m_s > top]:
         worst = max(fast, key=lambda row: row.speed_m_s)
         findings.append(_of_leg("leg too fast", worst, fast, top_m_s=top))
-    held = [row for row in rows if row.hold_s]
+    stations = [row for row in rows if row.hold_s]
     # Station-keeping needs surge, heave and yaw at rest.
     lacking = [row for row in "XZN" if row in commandable(vehicle, 0.0, voltage_v=voltage_v)]
-    if held and lacking:
+    if stations and lacking:
         rest = {"vehicle": vehicle.name, "lacking": " ".join(lacking)}
-        findings.append(_of_leg("no station-keeping", held[0], held, **rest))
+        findings.append(_of_leg("no station-keeping", stations[0], stations, **rest))
     asked = sorted({row.speed_m_s for row in rows if row.speed_m_s <= top})
     if unturned := [u for u in asked if "N" in commandable(vehicle, u, voltage_v=voltage_v)]:
         findings.append(warning("cannot turn", vehicle.name, speeds_m_s=unturned))
@@ -385,9 +385,9 @@ def _autopilot_limits(mission: Mission, rows: Sequence[LegRow], autopilot: Autop
         findings.append(_of_leg("leg above speed limit", fast[0], fast, limit_m_s=fastest))
     if slow := [row for row in rows if row.speed_m_s < slowest]:
         findings.append(_of_leg("leg below breakpoints", slow[0], slow, first_m_s=slowest))
-    if not facts.hovers and (held := [row for row in rows if row.hold_s]):
+    if not facts.hovers and (stations := [row for row in rows if row.hold_s]):
         radius = facts.guidance["loiter_radius_m"]
-        findings.append(_of_leg("no mode keeps station", held[0], held, radius_m=radius))
+        findings.append(_of_leg("no mode keeps station", stations[0], stations, radius_m=radius))
     return [*findings, *_steep(mission, facts)]
 
 

@@ -102,9 +102,9 @@ def trim(
                 attitude[angle] = value
         nu = np.concatenate([_body(attitude, drift) * speed_m_s, np.zeros(3)])
         force = sum(np.asarray(term) for term in vehicle.forces(nu, attitude).values())
-        held = neutral_fins(vehicle, nu[None])[0]
-        along = mixed @ -(force + held)[chosen]
-        return Trim(speed_m_s, rows, attitude, nu, held + along, actuators)
+        neutral = neutral_fins(vehicle, nu[None])[0]
+        along = mixed @ -(force + neutral)[chosen]
+        return Trim(speed_m_s, rows, attitude, nu, neutral + along, actuators)
 
     def residual(x: Array) -> Array:
         at = flight(x)

@@ -362,8 +362,8 @@ def _largest_pitch(vehicle: Vehicle, start: StartGains, speed: float) -> float:
     angles = np.deg2rad(np.arange(1.0, START_GUIDANCE_SETTINGS.pitch_max_deg + 0.5))
     attitude = np.stack([0.0 * angles, angles, 0.0 * angles], axis=1)
     righting = np.asarray(vehicle.forces(np.zeros((len(angles), 6)), attitude)["restoring"])[:, 4]
-    held = np.abs(righting) <= START_GUIDANCE_SETTINGS.pitch_reach_share * min(high, -low)
-    return float(np.rad2deg(angles[held][-1])) if held.any() else 1.0
+    holdable = np.abs(righting) <= START_GUIDANCE_SETTINGS.pitch_reach_share * min(high, -low)
+    return float(np.rad2deg(angles[holdable][-1])) if holdable.any() else 1.0
 
 
 def _steady_turn(vehicle: Vehicle, speed: float, moment: float) -> float:

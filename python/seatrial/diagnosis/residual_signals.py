@@ -390,10 +390,10 @@ def _channel(
     power, samples, curvature, triples = 0.0, 0, 0.0, 0
     for piece in lin.pieces:
         mask = piece.counted[:, column]
-        held = np.where(mask, piece.weight[:, column] * piece.residual[:, column], 0.0)
-        power, samples = power + float(held @ held), samples + int(mask.sum())
+        weighted = np.where(mask, piece.weight[:, column] * piece.residual[:, column], 0.0)
+        power, samples = power + float(weighted @ weighted), samples + int(mask.sum())
         # White noise has six times its power in second differences; smooth errors have next to none.
-        bend = (held[:-2] - 2.0 * held[1:-1] + held[2:])[mask[:-2] & mask[1:-1] & mask[2:]]
+        bend = (weighted[:-2] - 2.0 * weighted[1:-1] + weighted[2:])[mask[:-2] & mask[1:-1] & mask[2:]]
         curvature, triples = curvature + float(bend @ bend), triples + len(bend)
     if samples == 0:
         return None

@@ -109,7 +109,9 @@ def consistency(series: Mapping[str, Series], *, quaternion: bool = True) -> Con
             continue
         made = corrections_of(sensor, channels, _turned_sensor(channels, sensor))
         if sensor.group == "specific force":  # no trial reads it: nothing to paste
-            untold += [Finding("specific force", Severity.NOTE, cause=one.finding) for one in made]
+            untold += [
+                Finding("specific force", Severity.NOTE, cause=correction.finding) for correction in made
+            ]
         else:
             present = {correction.key for correction in corrections}
             corrections += [correction for correction in made if correction.key not in present]

@@ -319,10 +319,10 @@ class _Parts:
         block = ((self.t - self.t[0]) // SETTINGS.held_out_s).astype(int)
         error = self.y.copy()  # as it is where nothing predicts it
         for fold in range(SETTINGS.folds if design.shape[2] else 0):
-            held = block % SETTINGS.folds == fold
-            a = (design / sigma[:, :, None])[~held].reshape(-1, design.shape[2])
-            b = (self.y / sigma)[~held].ravel()
-            error[held] = self.y[held] - design[held] @ np.linalg.solve(a.T @ a + prior, a.T @ b)
+            held_out = block % SETTINGS.folds == fold
+            a = (design / sigma[:, :, None])[~held_out].reshape(-1, design.shape[2])
+            b = (self.y / sigma)[~held_out].ravel()
+            error[held_out] = self.y[held_out] - design[held_out] @ np.linalg.solve(a.T @ a + prior, a.T @ b)
         north, east = np.sqrt(np.mean(error**2, axis=0))
         return float(north), float(east)
 

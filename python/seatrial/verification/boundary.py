@@ -90,17 +90,21 @@ def variables_of(
     """Variables with the coefficients that they set, checked."""
     if not 1 <= len(given) <= 2:
         raise CampaignError(f"boundary: expected one or two variables, found {len(given)}")
-    found = []
+    boundaries = []
     for name, ends in given.items():
         low, high = map(float, ends)
         if not (math.isfinite(low) and math.isfinite(high) and low < high):
             raise CampaignError(
                 f"boundary: {name}: expected a range FROM:TO with FROM below TO, found {low:g}:{high:g}"
             )
-        found.append(BoundaryVariable(name, low, high, () if name in VARIABLES else _meant(name, flights)))
-    if set(found[0].coefficients) & set(found[-1].coefficients) and len(found) > 1:
-        raise CampaignError(f"boundary: {found[0].name} and {found[1].name} set the same coefficient")
-    return tuple(found)
+        boundaries.append(
+            BoundaryVariable(name, low, high, () if name in VARIABLES else _meant(name, flights))
+        )
+    if set(boundaries[0].coefficients) & set(boundaries[-1].coefficients) and len(boundaries) > 1:
+        raise CampaignError(
+            f"boundary: {boundaries[0].name} and {boundaries[1].name} set the same coefficient"
+        )
+    return tuple(boundaries)
 
 
 def _meant(name: str, flights: CampaignFlights) -> tuple[str, ...]:
@@ -110,9 +114,9 @@ def _meant(name: str, flights: CampaignFlights) -> tuple[str, ...]:
     group, _, suffix = name.partition(".")
     groups = actuator_groups(vehicle)
     if name not in own and group in groups:
-        meant = [one for actuator in groups[group] if (one := f"{actuator}.{suffix}") in own]
+        meant = [coefficient for actuator in groups[group] if (coefficient := f"{actuator}.{suffix}") in own]
     else:
-        meant = [one for one in own if fnmatchcase(one, name)]
+        meant = [coefficient for coefficient in own if fnmatchcase(coefficient, name)]
     if not meant:
         raise CampaignError(
             f"boundary: {name!r} is no variable and no coefficient of {vehicle.name}"
@@ -167,7 +171,7 @@ def _later(flights: CampaignFlights, latency_s: float) -> CampaignFlights:
             "boundary: sensor_latency_s: the sensors of this campaign are perfect; name a set under"
             ' [verification], sensors = "typical"'
         )
-    late = {kind: replace(one, latency_s=one.latency_s + latency_s) for kind, one in sensors.items()}
+    late = {kind: replace(sensor, latency_s=sensor.latency_s + latency_s) for kind, sensor in sensors.items()}
     return replace(flights, sensors=late)
 
 
@@ -198,11 +202,11 @@ class BoundarySurvey:
             if self.x:
                 waiting = []
                 each = max(SETTINGS.places_per_round // len(self.requirements), 1)
-                for k, one in enumerate(self.requirements):
+                for k, requirement in enumerate(self.requirements):
                     waiting += list(
                         places_to_fly(
                             self.seen(k),
-                            allowed=one.allowed,
+                            allowed=requirement.allowed,
                             confidence=self.scenario.flights.table.confidence,
                             count=each,
                             runs=self.runs,
@@ -230,7 +234,7 @@ class BoundarySurvey:
         """Places and the failures of each requirement there, wherever they are flown."""
         flights = self.scenario.flights
         values = ", ".join(f"{v.name} {v.low:g} {v.high:g}" for v in self.variables)
-        holds = ", ".join(one.holds for one in self.requirements)
+        holds = ", ".join(requirement.holds for requirement in self.requirements)
         shared = Shared((flights, self.variables, tuple(self.requirements), self.runs))
         chunks = [
             Chunk(
@@ -259,7 +263,7 @@ class BoundarySurvey:
 
     def failed(self, k: int) -> int:
         """Missions that failed a requirement, of all that were flown."""
-        return sum(one[k] for one in self.failures)
+        return sum(counts[k] for counts in self.failures)
 
 
 def boundary_failures(
@@ -281,11 +285,12 @@ def boundary_failures(
         own = flights.fitted.vehicle.coefficients()
         given["m"] = given.get("m", np.full(len(drawn), own["m"])) + payload
     flown = there.fly_drawn(replace(drawn, coefficients=given), threads=threads)
-    return [one.judge(flown.metrics).failures for one in requirements]
+    return [requirement.judge(flown.metrics).failures for requirement in requirements]
 
 
 _FORMAT: Format[list[int]] = Format(
-    pack=lambda failures: {"failures": failures}, unpack=lambda kept: [int(one) for one in kept["failures"]]
+    pack=lambda failures: {"failures": failures},
+    unpack=lambda kept: [int(count) for count in kept["failures"]],
 )
 
 

@@ -100,8 +100,15 @@ def _near(name: str, known: list[str]) -> list[str]:
     """The nearest known names, those with hardly another distance together, or those that hold the name."""
     alike = {one: SequenceMatcher(None, name, one).ratio() for one in known}
     close = get_close_matches(name, known, n=SETTINGS.most_offered)
-    nearest = [one for one in close if alike[one] > alike[close[0]] - SETTINGS.likeness_margin]
-    return nearest or [one for one in known if len(name) > 1 and name in one][: SETTINGS.most_offered]
+    nearest = [
+        close_name for close_name in close if alike[close_name] > alike[close[0]] - SETTINGS.likeness_margin
+    ]
+    return (
+        nearest
+        or [known_name for known_name in known if len(name) > 1 and name in known_name][
+            : SETTINGS.most_offered
+        ]
+    )
 
 
 def _without_words(text: str) -> str:

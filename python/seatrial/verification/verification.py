@@ -134,7 +134,7 @@ def compared(
     in b + c throws of a coin, on two sides; p-values of all requirements and autopilots are corrected by
     Holm.
     """
-    held = {
+    held_by_name = {
         name: {one.name: one.judge(missions.metrics).held for one in requirements}
         for name, missions in flown.items()
     }
@@ -144,7 +144,7 @@ def compared(
             name,
             {
                 title: FailureProbability(int(np.count_nonzero(~mask)), runs, confidence)
-                for title, mask in held[name].items()
+                for title, mask in held_by_name[name].items()
             },
             {metric: _median(missions.metrics[metric]) for metric in _METRICS if metric in missions.metrics},
         )
@@ -152,8 +152,8 @@ def compared(
     )
     verified, *others = flown
     raw = [
-        (title, other, *mcnemar(held[verified][title], held[other][title]))
-        for title in held[verified]
+        (title, other, *mcnemar(held_by_name[verified][title], held_by_name[other][title]))
+        for title in held_by_name[verified]
         for other in others
     ]
     corrected = holm([one[-1] for one in raw])

@@ -284,9 +284,9 @@ def _of_flight(results: Mapping[str, Any]) -> Numbers:
 def _of_verification(results: Mapping[str, Any]) -> Numbers:
     asked = results["requirements"]
     worst = max(asked, key=lambda own: float(own["at_most"]))
-    held = sum(own["verdict"] == "held" for own in asked)
+    held_count = sum(own["verdict"] == "held" for own in asked)
     return [
-        ("requirements held", f"{held} of {len(asked)}", ""),
+        ("requirements held", f"{held_count} of {len(asked)}", ""),
         ("missions flown", str(results["missions"]["flown"]), ""),
         (f'missions that miss "{worst["name"]}"', f"{100 * worst['failure_probability']:.2f}", "%"),
         (f"of these at most, {100 * worst['confidence']:.0f} % sure", f"{100 * worst['at_most']:.2f}", "%"),
@@ -297,9 +297,9 @@ def _of_tuning(results: Mapping[str, Any]) -> Numbers:
     (tuned,) = (own for own in results["performance"] if own["name"] == "tuned")
     margins = [own for own in results["margins"]["tuned"] if own["phase_deg"] is not None]
     least = min(margins, key=lambda own: float(own["phase_deg"]))
-    held = sum(trial["held"] == 1.0 for trial in tuned["trials"])
+    held_count = sum(trial["held"] == 1.0 for trial in tuned["trials"])
     return [
-        ("steps in their corridors", f"{held} of {len(tuned['trials'])}", ""),
+        ("steps in their corridors", f"{held_count} of {len(tuned['trials'])}", ""),
         (f"least phase margin, {least['loop']}", f"{least['phase_deg']:.0f}", "deg"),
     ]
 

@@ -226,8 +226,8 @@ def motor_step(estimate: MotorEstimate, record: StepRecord) -> Figure:
         below = figure.add_subplot(grid[1, :], sharex=above)
         end = float(times[-1])
         seen = stamps < end
-        held = np.append(stamps[seen], end), np.append(commands[seen], commands[seen][-1])
-        above.step(*held, where="post", color=SECOND, linewidth=0.9, label="commanded")
+        steps = np.append(stamps[seen], end), np.append(commands[seen], commands[seen][-1])
+        above.step(*steps, where="post", color=SECOND, linewidth=0.9, label="commanded")
         above.plot(times, measured, ".", color=MEASURED, markersize=1.8, label="measured")
         # Finer than the samples: the model's steps and its dead time stay visible.
         fine = np.linspace(times[0], end, max(4 * len(times), SETTINGS.fine))

@@ -121,14 +121,14 @@ def exponent_text(one: DirectionFit) -> str:
     """Power of the signal with which thrust grows, and whether it is that of n|n|."""
     value, sd = one.exponent
     low, high = one.exponent_interval
-    said = (
+    words = (
         f"thrust grows with the {value:.3f} ± {sd:.2g} power of the signal, 95 % interval {low:.2f} to"
         f" {high:.2f}"
     )
     if low <= 2.0 <= high:
-        return f"{said}: n|n| (2) lies in it"
+        return f"{words}: n|n| (2) lies in it"
     return (
-        f'{said}: it differs from n|n| (2); compare order = 2 and order = "points" (a dead band or an offset'
+        f'{words}: it differs from n|n| (2); compare order = 2 and order = "points" (a dead band or an offset'
         " of the load cell bends weak points most)"
     )
 

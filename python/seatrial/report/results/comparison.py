@@ -24,9 +24,9 @@ def report(comparison: Comparison) -> Report:
     """Three lines, a sentence per further vehicle, a row per channel and vehicle."""
     reference, overall = comparison.reference, comparison.overall
     better = [other for other in overall if other.verdict == "better"]
-    told = [other for other in overall if other.verdict in ("better", "worse")]
+    decided = [other for other in overall if other.verdict in ("better", "worse")]
     first = min(
-        told or overall, key=lambda other: other.error_ratio if np.isfinite(other.error_ratio) else np.inf
+        decided or overall, key=lambda other: other.error_ratio if np.isfinite(other.error_ratio) else np.inf
     )
     size = f"{first.error_ratio:.2f} times" if np.isfinite(first.error_ratio) else "not comparable with"
     good = (
@@ -182,8 +182,10 @@ def _sentence(comparison: Comparison, name: str) -> str:
         ) + {"better": f"{name} predicts better", "worse": f"{reference} predicts better"}.get(
             overall.verdict, "these windows do not tell which one predicts better"
         )
-    told = {word: [d for d in own.values() if d.verdict == word] for word in ("better", "worse", "mixed")}
-    parts = [f"{name} is {word} in {_listed(channels)}" for word, channels in told.items() if channels]
+    by_verdict = {
+        word: [d for d in own.values() if d.verdict == word] for word in ("better", "worse", "mixed")
+    }
+    parts = [f"{name} is {word} in {_listed(channels)}" for word, channels in by_verdict.items() if channels]
     open_ = [c for c, d in own.items() if d.verdict == "not told apart"]
     if len(open_) == len(own):
         parts = ["no single channel is told apart"]

@@ -27,8 +27,8 @@ def tally(counts: Tally) -> str:
     ]
     if others:
         plural = "" if counts.asked == 1 else "s"
-        told = f"{counts.identifiable} of {counts.asked} coefficient{plural}"
-        return f"The trials determine {told}; {', '.join(others)}."
+        identified = f"{counts.identifiable} of {counts.asked} coefficient{plural}"
+        return f"The trials determine {identified}; {', '.join(others)}."
     if counts.asked == 1:
         return "The trials determine the one coefficient."
     return f"The trials determine all {counts.asked} coefficients."

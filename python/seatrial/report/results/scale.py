@@ -53,7 +53,9 @@ def homogeneity(direction: Homogeneity) -> list[str]:
         " motion: trials give ratios, and held values set the scale"
     ]
     if not direction.strong:
-        static = next((held for held in direction.held if held.kind == STATIC), None)
+        static = next(
+            (direction_held for direction_held in direction.held if direction_held.kind == STATIC), None
+        )
         weak = "" if static is None else f" but {', '.join(static.members)}, which tell little"
         return [
             *texts,

@@ -239,10 +239,10 @@ def errors_of_guidance(log: MissionLog, mission: Mission | None = None) -> dict[
     waypoint's radius of acceptance is entered (and its time of keeping station is over), the cross-track
     error is the distance from the straight line of the leg, positive to starboard.
     """
-    found = {name: log.beside[name] for name in ("cross_track", "vertical") if name in log.beside}
+    logged = {name: log.beside[name] for name in ("cross_track", "vertical") if name in log.beside}
     if "heading" in log.beside and "yaw" in log.trial.channels:
-        found["heading"] = shorter(log.beside["heading"] - log.trial.channel("yaw"))
-    if mission is not None and "cross_track" not in found and {"x", "y"} <= set(log.trial.channels):
+        logged["heading"] = shorter(log.beside["heading"] - log.trial.channel("yaw"))
+    if mission is not None and "cross_track" not in logged and {"x", "y"} <= set(log.trial.channels):
         path, progress = Route.of(mission), Progress(log, mission)
         begin = np.array([path.before(k) for k in range(len(path.stops))])[progress.leg]
         end = np.array([stop.position for stop in path.stops])[progress.leg]
@@ -250,13 +250,13 @@ def errors_of_guidance(log: MissionLog, mission: Mission | None = None) -> dict[
         length = np.hypot(along[:, 0], along[:, 1])
         away = log.trial.position - begin
         safe = np.maximum(length, 1e-9)
-        found["cross_track"] = np.where(
+        logged["cross_track"] = np.where(
             length > 0.0, (along[:, 0] * away[:, 1] - along[:, 1] * away[:, 0]) / safe, 0.0
         )
         part = np.clip((along[:, 0] * away[:, 0] + along[:, 1] * away[:, 1]) / safe**2, 0.0, 1.0)
         if "z" in log.trial.channels:
-            found["vertical"] = away[:, 2] - part * along[:, 2]
-    return found
+            logged["vertical"] = away[:, 2] - part * along[:, 2]
+    return logged
 
 
 def thinned(trial: Trial, dt: float) -> Trial:
@@ -427,7 +427,7 @@ def mission_envelope(
     for name in QUANTITIES:
         if name not in recorded:
             continue
-        stack = np.stack([one[name] for one in shown])
+        stack = np.stack([flight[name] for flight in shown])
         enough = np.isfinite(stack).sum(axis=0) >= SETTINGS.fewest_flights
         lower, middle, upper = np.full((3, len(t)), np.nan)
         if enough.any():
@@ -466,11 +466,11 @@ def _quantities(flown: Flights, case: int, t: Array) -> dict[str, Array]:
 
 
 def _recorded(log: MissionLog, mission: Mission, first: int) -> dict[str, Array]:
-    found = {
+    columns = {
         name: log.trial.channel(channel)
         for name, channel in (("depth", "z"), ("speed", "u"), ("pitch", "pitch"))
         if channel in log.trial.channels
     }
     errors = errors_of_guidance(log, mission)
-    found |= {name: errors[name] for name in ("cross_track", "heading") if name in errors}
-    return {name: values[first:] for name, values in found.items()}
+    columns |= {name: errors[name] for name in ("cross_track", "heading") if name in errors}
+    return {name: values[first:] for name, values in columns.items()}

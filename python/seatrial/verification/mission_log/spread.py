@@ -99,7 +99,7 @@ class PredictedLog:
     @property
     def spans(self) -> tuple[tuple[int, int], ...]:
         """First sample of every window, and one past its last."""
-        return tuple((one.start, one.stop) for one in self.replay.segments)
+        return tuple((segment.start, segment.stop) for segment in self.replay.segments)
 
     @cached_property
     def counted(self) -> tuple[Mask, ...]:
@@ -153,16 +153,18 @@ class PredictedLog:
         """
         names = sorted({name for direction in directions for name in direction})
         present = self.vehicle.coefficients()
-        rows = np.array([[one.get(name, 0.0) for name in names] for one in directions], dtype=float)
+        rows = np.array(
+            [[direction.get(name, 0.0) for name in names] for direction in directions], dtype=float
+        )
         nuisances = ["current_north", "current_east"] if current else []
-        found = replace(self.replay, names=tuple(names)).sensitivities(
+        slopes = replace(self.replay, names=tuple(names)).sensitivities(
             np.array([present.get(name, 0.0) for name in names]),
             rows.reshape(len(directions), len(names)),
             nuisances=nuisances,
             initials=initial_names(),
         )
         count = len(directions) + len(nuisances)
-        return tuple(Slopes(slope[:, :, :count], slope[:, :, count:]) for _, slope in found)
+        return tuple(Slopes(slope[:, :, :count], slope[:, :, count:]) for _, slope in slopes)
 
 
 def restarts(
@@ -212,7 +214,7 @@ def restarts(
     # The last window may be a stump of a few samples, which tells nothing.
     full = max(last - first for first, last in spans)
     spans = [span for span in spans if span[1] - span[0] > full // 2] or spans
-    found = predict(vehicle, trial, spans, input=chosen)
+    prediction = predict(vehicle, trial, spans, input=chosen)
     # Nose up or down, roll and yaw are not told apart.
     steep = np.abs(np.nan_to_num(trial.observed[:, 10])) > SPREAD_SETTINGS.steep
     counted = trial.valid.copy()
@@ -224,7 +226,7 @@ def restarts(
         tuple(restarted(trial, spans)),
         substeps=max(1, int(np.ceil(trial.dt / SPREAD_SETTINGS.substep_s - 1e-9))),
     )
-    shown = tuple(window.simulated for window in found)
+    shown = tuple(window.simulated for window in prediction)
     return PredictedLog(replay, shown, tuple(replay.errors_of(shown)))
 
 
@@ -398,7 +400,7 @@ def spread_of_reference(references: Sequence[PredictedLog]) -> Spread:
         if here.any():
             sigma[:, c] = np.interp(centres, centres[here], sigma[here, c])
     noise = _noise(references)
-    names = list(dict.fromkeys(one.trial.name for one in references))
+    names = list(dict.fromkeys(reference.trial.name for reference in references))
     basis = Finding("errors on logs", Severity.NOTE, values={"logs": names, "windows": count})
     spread = Spread(centres, sigma, noise, count, basis)
     return replace(spread, effective=_worth(references, spread))
@@ -448,9 +450,9 @@ def _worth(references: Sequence[PredictedLog], spread: Spread) -> Array:
     """How many independent samples (12,) the tail of each channel rests on."""
     found = np.full(12, np.inf)
     bands = [
-        SPREAD_SETTINGS.normal_95 * spread.at(one.since_restart(w))
-        for one in references
-        for w in range(len(one.spans))
+        SPREAD_SETTINGS.normal_95 * spread.at(reference.since_restart(w))
+        for reference in references
+        for w in range(len(reference.spans))
     ]
     errors = [error for one in references for error in one.residual]
     masks = [mask for one in references for mask in one.counted]
