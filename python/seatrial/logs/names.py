@@ -13,6 +13,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Iterable
+from functools import lru_cache
 
 
 def words_of(name: str) -> list[str]:
@@ -289,6 +290,10 @@ def is_unit(cell: str) -> bool:
     return plain in _NO_QUANTITY or plain in _STATED or bool(_OTHER_UNIT.fullmatch(plain))
 
 
+_ENDS = tuple((re.compile(rf"(.+?)[_\s]({pattern})", re.IGNORECASE), unit) for pattern, unit in _SUFFIX)
+
+
+@lru_cache(maxsize=65_536)  # the topics of a log share the names of their fields
 def suffix_of(name: str) -> tuple[str, str]:
     """Name without the unit at its end, in brackets or as a suffix, and that unit; "" where it has none.
 
@@ -300,8 +305,8 @@ def suffix_of(name: str) -> tuple[str, str]:
     bracketed = re.fullmatch(r"(.*?)\s*[\[(]([^\[\]()]*)[\])]\s*", name)
     if bracketed and not re.fullmatch(r"\d+", bracketed[2]):
         return bracketed[1], unit_of(bracketed[2]) or ""
-    for pattern, unit in _SUFFIX:
-        if suffixed := re.fullmatch(rf"(.+?)[_\s]({pattern})", name, re.IGNORECASE):
+    for pattern, unit in _ENDS:
+        if suffixed := pattern.fullmatch(name):
             return suffixed[1], unit
     return name, ""
 
