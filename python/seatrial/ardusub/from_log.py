@@ -8,6 +8,7 @@ themselves. What is finished is kept, so that an interrupted run goes on. Held b
 
 from __future__ import annotations
 
+import inspect
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -337,12 +338,10 @@ def _old_names(parameters: ParameterFile) -> str:
 
 def _sources() -> str:
     """Hash of the modules whose results are kept: another version does not find them."""
-    here = Path(__file__).parent
-    return sha256(
-        "".join(
-            (here / f"{name}.py").read_text() for name in ("course", "flights", "reflight", "axes", "tuning")
-        )
-    )
+    # By what is imported from them: a module that is renamed or merged is followed.
+    makers = (logged_courses, refly, axis_verdicts, tune_parameters, draw_cases)
+    modules = sorted({Path(inspect.getfile(maker)) for maker in makers})
+    return sha256("".join(module.read_text(encoding="utf-8") for module in modules))
 
 
 def _beside(folder: Path) -> tuple[Path, Path]:
