@@ -126,14 +126,15 @@ def test_after_the_operators_reset_what_is_still_true_calls_again() -> None:
 
 
 @pytest.mark.long
-def test_ordinary_flight_in_waves_gives_one_alarm_in_240_hours_at_most() -> None:
-    """Models 15 % off gave three in 1,228 h (docs/validation.md); the aim is one in 1,000 h."""
+@pytest.mark.parametrize(("model_error", "most"), [(0.05, 0), (0.15, 1)])
+def test_ordinary_flight_in_waves_gives_hardly_an_alarm_in_240_hours(model_error: float, most: int) -> None:
+    """In 1,230 h none with models 5 % off, three with models 15 % off (docs/validation.md)."""
     began: list[str] = []
     for vehicle in false_alarms.VEHICLES:
-        alarms, hours = false_alarms.flown(vehicle, cases=64, seed=1)
+        alarms, hours = false_alarms.flown(vehicle, cases=64, seed=1, model_error=model_error)
         assert hours > 50.0
         began += [watch for watch in alarms.elements() if not watch.endswith(false_alarms.LAUNCHED)]
-    assert len(began) <= 1, began
+    assert len(began) <= most, began
     # Contradictions of sensors are none of them: what is wrong there is the autopilot's model.
     assert set(began) <= {"actuator"}
 

@@ -17,7 +17,7 @@
 //! with V the variance of the unexplained force after one lag about that after two (waves, noise), d₂ the hydrodynamic
 //! force and F those of the actuators (errors of the model, ρ), j what a current of 0.25 m/s changes. Twice the logarithm of
 //! the generalised likelihood ratio is `Λ = 2 δ bᵀS⁻¹r − δ² bᵀS⁻¹b` at the best δ within the actuator's reach. The actuator
-//! with the largest Λ is suspected where that exceeds 22 for six seconds, or 38 for 2.4, and explains most of `rᵀS⁻¹r`: a
+//! with the largest Λ is suspected where that exceeds 20 for six seconds, or 35 for 2.4, and explains most of `rᵀS⁻¹r`: a
 //! collision, a tether or the bottom push as no actuator does. It is given up after six, where the others can do without
 //! it and its signal is not measured; from then on it counts as standing at the force that was found, and is looked at
 //! again.
@@ -62,11 +62,11 @@ const LEAST: f64 = 2e-3;
 const CURRENT_M_S: f64 = 0.25;
 
 /// Λ from which time counts against an actuator, and the share of the unexplained that it must explain.
-const SUSPECT: f64 = 22.0;
+const SUSPECT: f64 = 20.0;
 const EXPLAINS: f64 = 0.6;
 
-/// Each second counts (Λ − 11)/11 of them, at most 2.5: waves push hard for a moment, a failure lasts.
-const UNTOLD: f64 = 11.0;
+/// Each second counts (Λ − 10)/10 of them, at most 2.5: waves push hard for a moment, a failure lasts.
+const UNTOLD: f64 = 10.0;
 const MOST: f64 = 2.5;
 
 /// So much counted time, s, makes a suspect: two seconds at Λ > 20 raised eight false alarms of a torpedo in 320 h.
