@@ -13,7 +13,7 @@ from seatrial.ardusub.parameters import ParameterFile
 from seatrial.ardusub.servos import Channel, map_channels, map_parameters
 from seatrial.base.errors import TrialError
 from seatrial.logs.dataflash import open_log
-from seatrial.trial.mixer import FRAME_NAMES, FRAMES
+from seatrial.trial.columns import FRAME_NAMES, FRAMES
 
 
 def _file(**values: float) -> ParameterFile:

@@ -20,7 +20,7 @@ from seatrial.base.work import Work
 from seatrial.campaign.campaign import Campaign
 from seatrial.campaign.suggestion import follow, followed_text, hold_out_change, try_suggestion
 from seatrial.diagnosis.missing_terms import Suggestion
-from seatrial.diagnosis.refitting import suggested_bounds
+from seatrial.diagnosis.residual_analysis import suggested_bounds
 from seatrial.identification.identification import Identification
 from seatrial.scoring.score import Score
 from seatrial.scoring.windows import ChannelScore

@@ -19,8 +19,7 @@ from seatrial.diagnosis.missing_terms import (
     missing_terms,
     signal_of,
 )
-from seatrial.diagnosis.refitting import suggested_bounds
-from seatrial.diagnosis.residual_analysis import analyse
+from seatrial.diagnosis.residual_analysis import analyse, suggested_bounds
 from seatrial.diagnosis.residual_signals import (
     autocorrelations,
     block_length,

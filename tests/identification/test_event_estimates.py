@@ -11,7 +11,7 @@ import pytest
 import seatrial as st
 from seatrial.estimation.event_fit import SETTINGS
 from seatrial.identification.events import EventEstimate, EventEstimates, from_events, on_events
-from seatrial.inspect.events import Event, events
+from seatrial.inspect.feedback import Event, events
 from seatrial.problem.problem import Problem
 from seatrial.problem.settings import Axes, Coefficient, JointSettings, Stage, TrialUse
 

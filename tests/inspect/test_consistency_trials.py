@@ -16,7 +16,7 @@ from seatrial.base.finding import Finding, Severity
 from seatrial.base.frames import from_euler, matrix, product
 from seatrial.campaign.campaign import Campaign
 from seatrial.check.campaign import check_campaign
-from seatrial.inspect.consistency_trials import (
+from seatrial.inspect.consistency import (
     LateVelocity,
     consistency_of_recording,
     late_velocity,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import seatrial as st
-from seatrial.inspect.events import EventLimits, events
+from seatrial.inspect.feedback import EventLimits, events
 
 LIMIT = 0.2374  # rad, of the rudder of REMUS 100
 

@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from seatrial.trial.resampling import most_moving
+from seatrial.trial.signals import most_moving
 from seatrial.trial.trial import Trial
 from tests.trial import motion
 

@@ -5,7 +5,7 @@ whose SERVOn_FUNCTION is the motor's (33 to 40 for motors 1 to 8, 82 to 85 for 9
 MOT_n_DIRECTION, ends MOT_PWM_MIN and MOT_PWM_MAX. A pulse above neutral must therefore push along ``d_n``
 times the factors of the frame: forward, lateral, up, and the moments about them. SERVOn_MIN, _MAX, _TRIM and
 _REVERSED count for channels of other functions only; motors are written as pulses. Facts of ArduPilot
-(AP_Motors6DOF and SRV_Channel), factors by `seatrial.trial.mixer.FRAMES`. Held by
+(AP_Motors6DOF and SRV_Channel), factors by `seatrial.trial.columns.FRAMES`. Held by
 ``tests/ardusub/test_servos.py``.
 """
 
@@ -24,7 +24,7 @@ from seatrial.ardusub.parameters import ParameterFile
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError, nearest
 from seatrial.base.report import Column, Table
-from seatrial.trial.mixer import FRAME_NAMES, FRAMES
+from seatrial.trial.columns import FRAME_NAMES, FRAMES
 
 _MOTOR_FUNCTIONS = {33 + k: k + 1 for k in range(8)} | {82 + k: k + 9 for k in range(4)}  # SERVOn_FUNCTION
 _NEUTRAL_US, _LOWEST_US, _HIGHEST_US = 1500.0, 1100.0, 1900.0  # ArduSub's defaults

@@ -31,9 +31,9 @@ from seatrial.base.toml_file import (
     tables,
     twice,
 )
-from seatrial.trial.columns import Source, columns_of, mapped
+from seatrial.trial.columns import Source, columns_of, mapped, numbers
 from seatrial.trial.recording import read_table
-from seatrial.trial.table import numbers, time_base
+from seatrial.trial.table import time_base
 from seatrial.vehicle.actuators import actuator_groups
 
 if TYPE_CHECKING:

@@ -35,8 +35,8 @@ from seatrial.base.toml_file import (
 )
 from seatrial.control_design.tuning_table import TuningTable
 from seatrial.problem.settings import Anchor, Budget, JointSettings, Stage
+from seatrial.trial.columns import WRENCH, Mixer, Output, Stick
 from seatrial.trial.corrections import parse_corrections
-from seatrial.trial.mixer import WRENCH, Mixer, Output, Stick
 from seatrial.trial.trial import Input
 from seatrial.verification.table import VerificationTable
 

@@ -19,7 +19,7 @@ from seatrial.base.work import HERE, Work, callers_errors_pass, takes
 from seatrial.campaign.campaign import Campaign
 from seatrial.campaign.file import parse
 from seatrial.diagnosis.missing_terms import Suggestion
-from seatrial.diagnosis.refitting import campaign_line
+from seatrial.diagnosis.residual_analysis import campaign_line
 from seatrial.identification.hold_out import POOLED
 from seatrial.problem.parameter import axes_of
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from seatrial.base.errors import SeatrialError
 from seatrial.base.plain import Plain
 from seatrial.base.report import Reported, sentence_of
-from seatrial.inspect.consistency_trials import Proposal, consistency_of_recording, proposals
+from seatrial.inspect.consistency import Proposal, consistency_of_recording, proposals
 from seatrial.inspect.corrections import NO_MOTION
 from seatrial.inspect.kind_of_data import KindOfData, kind_of_data
 from seatrial.intake.imported import clocks_proposed

@@ -28,7 +28,7 @@ from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import AXES, CHANNELS, deviations
 from seatrial.estimation.segment_model import SegmentModel, StageData, cut
 from seatrial.estimation.step import stage_step
-from seatrial.inspect.events import EVENT_LIMITS, Event
+from seatrial.inspect.feedback import EVENT_LIMITS, Event
 from seatrial.problem.parameter import parameters
 from seatrial.scoring.record import restarted
 

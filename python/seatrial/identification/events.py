@@ -1,7 +1,7 @@
 """What an identification takes from events: stretches of a closed loop whose commands answer no motion.
 
 An autopilot that answers waves exchanges cause and effect (`seatrial.inspect.verdict`). A routine mission
-still holds open-loop experiments (`seatrial.inspect.events`), on which output error is consistent
+still holds open-loop experiments (`seatrial.inspect.feedback`), on which output error is consistent
 (`seatrial.estimation.event_fit`). Angles are compared and not their rates, which most logs smooth from them:
 smoothing makes an error that no stationary noise describes.
 
@@ -31,7 +31,7 @@ from seatrial.diagnosis.identifiability import IDENTIFIABILITY_SETTINGS
 from seatrial.estimation.estimator import method_of
 from seatrial.estimation.event_fit import ANGLE_OF, SETTINGS, EventFit, EventWindows, estimate_on_events
 from seatrial.identification.choice import slender
-from seatrial.inspect.events import EVENT_LIMITS, Event, events
+from seatrial.inspect.feedback import EVENT_LIMITS, Event, events
 from seatrial.problem.parameter import STRIPS, Parameter, coefficients
 
 if TYPE_CHECKING:

@@ -38,7 +38,7 @@ from seatrial.identification.events import EventEstimates, from_events
 from seatrial.identification.fitted import Fitted
 from seatrial.identification.identification import Identification
 from seatrial.identification.preparation import prepare
-from seatrial.inspect.consistency_trials import late_velocity
+from seatrial.inspect.consistency import late_velocity
 from seatrial.problem.by_hand import Bounds, Trials
 from seatrial.problem.problem import Problem
 

@@ -42,8 +42,7 @@ from seatrial.base.errors import CampaignError, NumericalError
 from seatrial.base.plain import Plain
 from seatrial.diagnosis.assessment import contradicted_bounds
 from seatrial.diagnosis.missing_terms import Suggestion, independent_blocks, missing_terms
-from seatrial.diagnosis.refitting import campaign_line, freed
-from seatrial.diagnosis.residual_analysis import Tried, tried_terms
+from seatrial.diagnosis.residual_analysis import Tried, campaign_line, freed, tried_terms
 from seatrial.estimation.estimator import Polished
 from seatrial.estimation.gauss_newton import GaussNewton
 from seatrial.estimation.joint import Joint

@@ -34,7 +34,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, MOTIONS, VELOCITIES
 from seatrial.inspect.feedback import explained, prediction_errors
 from seatrial.inspect.waves import waves
-from seatrial.trial.mixer import WRENCH
+from seatrial.trial.columns import WRENCH
 from seatrial.vehicle.actuators import actuator_groups, pushes
 
 if TYPE_CHECKING:

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.channels import AXES, CHANNELS, MOTIONS, VELOCITIES
-from seatrial.inspect.consistency_trials import common, mean
+from seatrial.inspect.consistency import common, mean
 from seatrial.inspect.feedback import runs_away
 from seatrial.vehicle.actuators import actuator_groups, drivers
 

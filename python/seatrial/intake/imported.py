@@ -22,7 +22,7 @@ from seatrial.base.atomic_write import whole_folder, write_atomic, write_table, 
 from seatrial.base.errors import TrialError, printable
 from seatrial.base.report import Reported
 from seatrial.base.run import from_json
-from seatrial.inspect.consistency_trials import accepted
+from seatrial.inspect.consistency import accepted
 from seatrial.inspect.corrections import Consistency
 from seatrial.inspect.kind_of_data import KindOfData
 from seatrial.intake.campaign_draft import DraftedTrial, campaign_text, draft, line

@@ -25,8 +25,7 @@ from seatrial.logs.join import Clock, Wanted, find_field, join
 from seatrial.logs.log import Log, Note, listed
 from seatrial.logs.recognise import of_estimator
 from seatrial.trial.columns import parse
-from seatrial.trial.resampling import linear
-from seatrial.trial.signals import RecordingReport
+from seatrial.trial.signals import RecordingReport, linear
 from seatrial.trial.table import signals
 
 if TYPE_CHECKING:

@@ -32,7 +32,7 @@ from seatrial.base.toml_file import VEHICLE, is_path, loaded, text_of
 from seatrial.inspect.manoeuvres import drives
 from seatrial.intake.campaign_draft import draft
 from seatrial.intake.survey import SurveyedLog
-from seatrial.trial.mixer import FRAME_NAMES
+from seatrial.trial.columns import FRAME_NAMES
 from seatrial.vehicle.actuators import actuator_groups
 
 if TYPE_CHECKING:

@@ -30,8 +30,7 @@ from seatrial.logs.clock import usual_interval
 from seatrial.scoring.record import Record, Replay, cut_spans, restarted
 from seatrial.trial.columns import GROUPS, columns_of, parse
 from seatrial.trial.recording import FORMATS, RawTable, read_table
-from seatrial.trial.resampling import own_samples
-from seatrial.trial.signals import RecordingReport
+from seatrial.trial.signals import RecordingReport, own_samples
 from seatrial.trial.table import signals, time_base
 from seatrial.trial.trial import Input, Trial
 

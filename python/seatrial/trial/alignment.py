@@ -39,8 +39,7 @@ from seatrial.trial.kinematic_axes import (
 )
 from seatrial.trial.kinematic_fit import Parameter, fitted
 from seatrial.trial.kinematics import Channels, Curve, Grid, attitude_rates, earth_velocity, pose_velocity
-from seatrial.trial.resampling import linear, most_moving, own_samples
-from seatrial.trial.signals import RecordingReport, Series, Signal
+from seatrial.trial.signals import RecordingReport, Series, Signal, linear, most_moving, own_samples
 
 
 @dataclass(frozen=True)

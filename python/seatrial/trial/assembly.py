@@ -29,8 +29,15 @@ from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import CHANNELS
 from seatrial.base.finding import Finding
 from seatrial.base.frames import body_rates, matrix, to_euler
-from seatrial.trial.resampling import RESAMPLING_SETTINGS, angles, held, linear, silences
-from seatrial.trial.signals import RecordingReport, Signal
+from seatrial.trial.signals import (
+    RESAMPLING_SETTINGS,
+    RecordingReport,
+    Signal,
+    angles,
+    held,
+    linear,
+    silences,
+)
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline

@@ -25,8 +25,7 @@ from seatrial.base.channels import DEGREE
 from seatrial.base.errors import CampaignError, TrialError, nearest
 from seatrial.base.frames import from_euler, matrix, product
 from seatrial.trial.attitude import Tilt, turned_upright
-from seatrial.trial.resampling import linear
-from seatrial.trial.signals import RecordingReport, Signal
+from seatrial.trial.signals import RecordingReport, Signal, linear
 
 CHANNELS_OF = {
     "velocity": ("u", "v", "w"),

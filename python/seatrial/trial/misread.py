@@ -359,27 +359,6 @@ def _goes_on(other: _Channel, change: _Change, changes: list[_Change]) -> bool:
     return abs(growth) <= min(_OTHERS, 0.7 * abs(goal))
 
 
-NO_SAMPLE_WORDS = frozenset({
-    *(
-        "",
-        "-",
-        "--",
-        "---",
-        "n/a",
-        "na",
-        "#n/a",
-        "nan",
-        "-nan",
-        "null",
-        "none",
-        "nil",
-        "missing",
-        "invalid",
-        "?",
-    )
-})
-"""Texts in lower case that stand in a cell for no sample."""
-
 # The largest and smallest integers of 16 to 64 bits.
 _INTEGERS = tuple(
     float(value) for bits in (16, 32, 64) for value in (2**bits - 1, 2 ** (bits - 1) - 1, 2 ** (bits - 1))

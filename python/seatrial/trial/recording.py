@@ -23,12 +23,11 @@ from seatrial.logs.formats import FORMATS as LOGS
 from seatrial.logs.formats import open_log
 from seatrial.logs.log import Log, listed, reading
 from seatrial.logs.names import misfit_of
-from seatrial.trial import defects, resampling, table
-from seatrial.trial.columns import Source, columns_of, parse
+from seatrial.trial import defects, table
+from seatrial.trial.columns import Mixer, Source, columns_of, parse
 from seatrial.trial.corrections import Corrections, corrected, parse_corrections, parse_positions
 from seatrial.trial.misread import report_unit_changes
-from seatrial.trial.mixer import Mixer
-from seatrial.trial.signals import RecordingReport, Signal
+from seatrial.trial.signals import RecordingReport, Signal, evenly_stamped
 
 if TYPE_CHECKING:
     import polars as pl
@@ -361,7 +360,7 @@ def recording(
             report.warning("column of another unit", "columns", column=column, canonical=canonical, unit=unit)
     del cells, read  # a long log is large: nothing below needs its cells
     begin("defects")
-    signals, time = resampling.evenly_stamped(signals, time, report)
+    signals, time = evenly_stamped(signals, time, report)
     report_unit_changes(signals, time, report)
     signals = defects.mark(signals, report)
     signals = corrected(signals, given, report)

@@ -14,10 +14,9 @@ from seatrial.base.channels import ACTUATOR_UNITS, unit_factor
 from seatrial.base.errors import TrialError
 from seatrial.base.frames import continuous, from_euler
 from seatrial.logs.clock import Counter32, clock_times, scale_of
-from seatrial.trial.columns import GROUPS, Group, Source
-from seatrial.trial.misread import NO_SAMPLE_WORDS, sentinels
-from seatrial.trial.resampling import instruments, together
-from seatrial.trial.signals import RecordingReport, Signal
+from seatrial.trial.columns import GROUPS, Group, Source, numbers
+from seatrial.trial.misread import sentinels
+from seatrial.trial.signals import RecordingReport, Signal, instruments, together
 
 if TYPE_CHECKING:
     import polars as pl
@@ -419,30 +418,3 @@ def _without_sentinels(
 def _note_not_finite(sampled: Mask, y: Array, name: str, report: RecordingReport) -> None:
     missing = int((~np.isfinite(y) & sampled).sum())
     report.warning("not finite", name, count=missing, held=name.startswith("cmd."))
-
-
-def numbers(column: pl.Series, canonical: str, file: str) -> Array:
-    """Cells of a column as numbers, shape (m,); empty cells are NaN.
-
-    `canonical` and `file`: its canonical name and the recording, for messages.
-    """
-    import polars as pl
-
-    where = f'{file}: {canonical} (column "{column.name}")'
-    if column.dtype in (pl.Object, pl.Categorical, pl.Enum):
-        column = column.cast(pl.String)
-    if column.dtype == pl.String:
-        text = column.str.strip_chars()
-        values = text.cast(pl.Float64, strict=False)
-        silent = text.str.to_lowercase().is_in(list(NO_SAMPLE_WORDS))
-        wrong = (values.is_null() & text.is_not_null() & ~silent).arg_true()
-        if len(wrong):
-            row = int(wrong[0])
-            raise TrialError(
-                f'{where}: row {row + 1}: expected a number, found the text "{column[row]}" '
-                f"({len(wrong)} such cells); correct it or leave the cell empty"
-            )
-        return values.to_numpy()
-    if not (column.dtype.is_numeric() or column.dtype in (pl.Boolean, pl.Null)):
-        raise TrialError(f"{where}: expected numbers, found {column.dtype}")
-    return column.cast(pl.Float64).to_numpy()

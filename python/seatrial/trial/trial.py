@@ -4,7 +4,7 @@
 table, the column map turns it into signals (`table`), defects are masked (`defects`), the corrections that
 are given applied (`corrections`), sensors brought to O (`corrections.to_origin`), signs and latencies
 corrected against the pose (`alignment`), the pose's frame levelled (`attitude.level`), and everything put on
-one time base (`resampling`, `assembly`). `Trial.report` says what was done.
+one time base (`signals`, `assembly`). `Trial.report` says what was done.
 Held by ``tests/trial/test_trial.py``.
 """
 
@@ -24,14 +24,12 @@ from seatrial.base.atomic_write import write_table
 from seatrial.base.channels import ANGLES, CHANNELS
 from seatrial.base.errors import TrialError, nearest
 from seatrial.base.work import Clock, Progress, callers_errors_pass
-from seatrial.trial import alignment, attitude, resampling, table
+from seatrial.trial import alignment, attitude, table
 from seatrial.trial.assembly import assemble, smooth, spline
-from seatrial.trial.columns import GROUPS
+from seatrial.trial.columns import GROUPS, Mixer
 from seatrial.trial.corrections import to_origin
-from seatrial.trial.mixer import Mixer
 from seatrial.trial.recording import Reader, recording
-from seatrial.trial.resampling import own_samples
-from seatrial.trial.signals import RecordingReport
+from seatrial.trial.signals import RecordingReport, common, own_samples
 
 if TYPE_CHECKING:
     import polars as pl
@@ -224,7 +222,7 @@ class Trial:
                 f"{file}: surface: expected its coordinate down in m, 0 where z is the depth, found"
                 f" {surface!r}"
             )
-        t = resampling.common(time, signals, rate_hz, report)
+        t = common(time, signals, rate_hz, report)
         if len(t) < table.SETTINGS.minimum_rows:
             raise TrialError(
                 f"{file}: {len(t)} samples at {1.0 / (t[1] - t[0]) if len(t) > 1 else rate_hz:g} Hz;"

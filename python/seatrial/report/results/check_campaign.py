@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from seatrial.base.finding import Severity
 from seatrial.base.report import Report, Section, Table
 from seatrial.check.campaign import CampaignCheck
-from seatrial.inspect.consistency_trials import accepted
+from seatrial.inspect.consistency import accepted
 from seatrial.report.results import trial_findings
 from seatrial.report.results.consistency import correction_table, current_sentence
 

@@ -24,7 +24,7 @@ from seatrial.identification.estimate import (
 from seatrial.identification.held import HELD_SETTINGS, sentences
 from seatrial.identification.hold_out import replayed
 from seatrial.identification.identification import Identification, judged_score, pooled_score
-from seatrial.inspect.events import EVENT_LIMITS
+from seatrial.inspect.feedback import EVENT_LIMITS
 from seatrial.report.results import diagnosis, estimates, trial_findings
 from seatrial.report.results.score import LIMITS, baseline_table, limit_text
 from seatrial.scoring.baselines import not_beaten

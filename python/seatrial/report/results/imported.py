@@ -11,7 +11,7 @@ from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import printable
 from seatrial.base.finding import Severity
 from seatrial.base.report import Report, Section, Table, words_of
-from seatrial.inspect.consistency_trials import proposals
+from seatrial.inspect.consistency import proposals
 from seatrial.intake.imported import Imported, ImportedTrial
 from seatrial.intake.survey import Survey, chosen
 from seatrial.intake.vehicle_draft import opposed
