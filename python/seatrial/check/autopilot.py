@@ -86,20 +86,11 @@ class GainRow:
 
 @dataclass(frozen=True)
 class AutopilotMargins(Plain, only="margins=rows margins_typical_sensors=typical sound_m_s=sound"):
-    """Margins of an autopilot on a vehicle.
+    """Margins of an autopilot on a vehicle."""
 
-    Attributes
-    ----------
-    rows
-        Per breakpoint that the vehicle reaches, with perfect sensors.
-    typical
-        The same with typical sensors.
-    sound
-        Range of speeds ahead at which the loops are sound with perfect sensors, m/s; None without any.
-    """
-
-    rows: tuple[MarginRow, ...]
-    typical: tuple[MarginRow, ...]
+    rows: tuple[MarginRow, ...]  #: Per breakpoint that the vehicle reaches, with perfect sensors.
+    typical: tuple[MarginRow, ...]  #: The same with typical sensors.
+    #: Range of speeds ahead at which the loops are sound with perfect sensors, m/s; None without any.
     sound: tuple[float, float] | None
 
 
@@ -107,33 +98,20 @@ class AutopilotMargins(Plain, only="margins=rows margins_typical_sensors=typical
 class AutopilotCheck(
     FileCheck, without="findings watches hovers loiter_radius_m margins", also="notes warnings safety"
 ):
-    """What was found about an autopilot; printed, a page of sentences.
+    """What was found about an autopilot; printed, a page of sentences."""
 
-    Attributes
-    ----------
-    period_s, control
-        Control period, and ``pid`` or ``lqr``.
-    speeds_m_s
-        Breakpoints of the gains.
-    modes, gains
-        The mode table, and the gains of the loops.
-    watches
-        The table ``[safety]`` with its defaults.
-    hovers, loiter_radius_m
-        Whether a mode keeps the depth without speed; an autopilot without one circles instead.
-    margins
-        On a vehicle those of the loops; None without one.
-    """
-
+    #: Control period, and ``pid`` or ``lqr``.
     period_s: float
     control: str
-    speeds_m_s: tuple[float, ...]
+    speeds_m_s: tuple[float, ...]  #: Breakpoints of the gains.
+    #: The mode table, and the gains of the loops.
     modes: tuple[ModeRow, ...]
     gains: tuple[GainRow, ...]
-    watches: Mapping[str, Any]
+    watches: Mapping[str, Any]  #: The table ``[safety]`` with its defaults.
+    #: Whether a mode keeps the depth without speed; an autopilot without one circles instead.
     hovers: bool
     loiter_radius_m: float
-    margins: AutopilotMargins | None = None
+    margins: AutopilotMargins | None = None  #: On a vehicle those of the loops; None without one.
 
     @property
     def safety(self) -> tuple[str, ...]:

@@ -16,18 +16,12 @@ from seatrial.base.report import Reported, writer_of
 
 @dataclass(frozen=True, repr=False)
 class FileCheck(Reported, Plain):
-    """What was found about a file; printed, a page of sentences.
+    """What was found about a file; printed, a page of sentences."""
 
-    Attributes
-    ----------
-    name, description
-        Of what the file describes.
-    findings
-        Notes, and warnings about what is probably not meant, each in the order of reading.
-    """
-
+    #: Of what the file describes.
     name: str
     description: str
+    #: Notes, and warnings about what is probably not meant, each in the order of reading.
     findings: tuple[Finding, ...]
 
     @property

@@ -217,8 +217,6 @@ def corners(mission: Mission) -> list[Corner]:
 def beyond(radius_m: float, turn: float, acceptance_m: float) -> float:
     """How far in m a turn by an angle in rad runs beyond the leg that follows.
 
-    Examples
-    --------
     >>> round(beyond(10.0, np.pi / 2.0, 3.0), 6)
     7.0
     """
@@ -229,10 +227,8 @@ def beyond(radius_m: float, turn: float, acceptance_m: float) -> float:
 def turn_findings(
     mission: Mission, circles: Mapping[float, float | None], autopilot: Autopilot | None
 ) -> list[Finding]:
-    """What a vehicle makes of the turns of a mission, the widest and the tightest.
-
-    `circles`: radius in m of the vehicle's tightest turn by speed in m/s. The autopilot's largest rate of the
-    heading counts too.
+    """What a vehicle makes of the turns of a mission, the widest and the tightest. `circles`: radius in m of
+    its tightest turn by speed in m/s; the autopilot's largest rate of the heading counts too.
     """
     points = mission.waypoints
     guidance = None if autopilot is None else autopilot_facts(autopilot).guidance

@@ -83,73 +83,43 @@ class Energy(Plain, also="total_wh"):
 
 @dataclass(frozen=True)
 class FlownCheck:
-    """What came of the mission in one water.
+    """What came of the mission in one water."""
 
-    Attributes
-    ----------
-    current
-        North, east, down, m/s.
-    outcome, complete
-        As of `seatrial.flight.flight.Flight`.
-    reached, waypoints
-        Waypoints that were reached, and all.
-    missed
-        The first of those that were not.
-    clearance_m, reserve_m
-        Of the hull from what stands in the water, and beyond what the mission promises; infinite without.
-    depth_largest_m, duration_s
-        Of the flight.
-    worst, remedy
-        The worst problem in words, of a complete flight whatever is largest; what to do about it.
-    """
-
-    current: Velocity
+    current: Velocity  #: North, east, down, m/s.
+    #: As of `seatrial.flight.flight.Flight`.
     outcome: str
     complete: bool
+    #: Waypoints that were reached, and all.
     reached: int
     waypoints: int
-    missed: str
+    missed: str  #: The first of those that were not.
+    #: Of the hull from what stands in the water, and beyond what the mission promises; infinite without.
     clearance_m: float
     reserve_m: float
+    #: Of the flight.
     depth_largest_m: float
     duration_s: float
+    #: The worst problem in words, of a complete flight whatever is largest; what to do about it.
     worst: str
     remedy: str = ""
 
 
 @dataclass(frozen=True, repr=False)
 class MissionCheck(FileCheck, without="findings", also="notes warnings"):
-    """What was found about a mission; printed, a page of sentences.
+    """What was found about a mission; printed, a page of sentences."""
 
-    Attributes
-    ----------
-    length_m, planned_s
-        Of the planned way.
-    waypoints
-        How many there are.
-    legs
-        The legs of the file.
-    energy
-        None without a vehicle, or where its file gives no power.
-    turning_radius_m
-        The tightest circle by speed in m/s; None where the vehicle cannot turn at that speed.
-    flown
-        What came of it, flown beforehand in still water and in currents; none without vehicle and autopilot.
-    sensors
-        With which it was flown, in words.
-    remedy
-        What to do about the first warning, where a flight shows its cause; empty otherwise.
-    """
-
+    #: Of the planned way.
     length_m: float
     planned_s: float
-    waypoints: int
-    legs: tuple[LegRow, ...]
-    energy: Energy | None
+    waypoints: int  #: How many there are.
+    legs: tuple[LegRow, ...]  #: The legs of the file.
+    energy: Energy | None  #: None without a vehicle, or where its file gives no power.
+    #: The tightest circle by speed in m/s; None where the vehicle cannot turn at that speed.
     turning_radius_m: dict[float, float | None]
+    #: What came of it, flown beforehand in still water and in currents; none without vehicle and autopilot.
     flown: tuple[FlownCheck, ...] = ()
-    sensors: str = PERFECT
-    remedy: str = ""
+    sensors: str = PERFECT  #: With which it was flown, in words.
+    remedy: str = ""  #: What to do about the first warning, where a flight shows its cause; empty otherwise.
 
     def to_dict(self) -> dict[str, Any]:
         """The check as plain data for JSON."""
@@ -424,10 +394,8 @@ def _fly_beforehand(
     seabed: float | None = None,
     voltage_v: float,
 ) -> tuple[tuple[FlownCheck, ...], list[Finding]]:
-    """Flights of a mission in still water and in currents; without any, why there are none.
-
-    `current` is north, east, down, m/s; 0.3 m/s from four sides when omitted. The others are as for
-    `seatrial.fly`.
+    """Flights of a mission in still water and in a `current` (north, east, down, m/s; 0.3 m/s from four sides
+    when omitted); without any, why there are none.
     """
     from seatrial.flight.conditions import Conditions, Water
     from seatrial.flight.fly import fly

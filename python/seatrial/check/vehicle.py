@@ -276,10 +276,8 @@ def _fin_turn(vehicle: Vehicle, voltage_v: float) -> list[Finding]:
 
 
 def stability(vehicle: Vehicle, running: Sequence[float], able: Collection[str]) -> list[Finding]:
-    """Findings on course and pitch stability at half and top speed, ahead and astern.
-
-    `running` are steady speeds ahead, rising, m/s; `able` rows of the wrench that the actuators command
-    independently.
+    """Findings on course and pitch stability at half and top speed, ahead and astern. `running`: steady
+    speeds ahead, rising, m/s; `able`: rows that the actuators command independently.
     """
     middle, top = running[len(running) // 2], running[-1]
     slender = _slender(vehicle)

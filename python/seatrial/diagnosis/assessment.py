@@ -181,8 +181,7 @@ class Assessment:
 
     def refused(self, tried: Collection[str] = ()) -> list[Finding]:
         """Coefficients that other horizons, damping or bounds contradict: actuators first, worst first.
-
-        ``tried`` are coefficients whose wider bounds were tried already, and predict no better.
+        ``tried``: those whose wider bounds predict no better.
         """
         names = [unknown.name for unknown in self.unknowns]
         fit = dict(zip(names, self.uncertainty.estimate.tolist(), strict=True))
@@ -368,10 +367,7 @@ class ContradictedBounds(Plain):
 
 
 def contradicted_bounds(lin: Linearisation, known: Uncertainty) -> ContradictedBounds | None:
-    """Bounds that the data contradict; None where there are none.
-
-    ``lin``: at the estimate. ``known``: of the same unknowns, says which ended at a bound.
-    """
+    """Bounds at the estimate that the data contradict; None where there are none."""
     ended = [place for place, bound in enumerate(known.at_bound) if bound is not None]
     inner = [place for place, bound in enumerate(known.at_bound) if bound is None]
     information, gradient = lin.information(), lin.gradient()

@@ -116,10 +116,8 @@ class Group:
 
 
 def weak_groups(information: Array, roles: Sequence[Role], values: Array) -> tuple[Group, ...]:
-    """Smallest groups that the data cannot tell apart, those that nothing excites first.
-
-    ``information`` (k, k): of the coefficients, each in its natural size. ``values`` (k,): of the
-    coefficients, in their natural sizes.
+    """Smallest groups that the data cannot tell apart, those that nothing excites first. ``information`` (k,
+    k) and ``values`` (k,) of the coefficients, in their natural sizes.
     """
     left, groups = list(range(len(roles))), []
     while left:
@@ -169,9 +167,8 @@ def _limit(sd: Array) -> Array:
 
 def _scale(information: Array, roles: Sequence[Role], values: Array) -> tuple[Group, int] | None:
     """What scales together and the place of the force that a bench test gives; None if nothing nearly does.
-
-    Drag, lift and thrust take the common factor or do not move; masses, weights and biases move as the data
-    like best, for the fixed ones among them are part of the same sums.
+    Drag, lift and thrust take the common factor or stay; masses, weights and biases move as the data like
+    best, for the fixed ones among them are part of the same sums.
     """
     drives = [i for i, role in enumerate(roles) if role.kind in _DRIVE]
     drives = drives or [i for i, role in enumerate(roles) if role.kind in _UPRIGHT][:1]
@@ -301,10 +298,8 @@ def undetermined(
     lin: Linearisation, information: Array, *, relative: Mapping[str, float], size: Array, widening: Array
 ) -> tuple[Undetermined, ...]:
     """What is undetermined, each weak coefficient at least once; what nothing excites comes first.
-
-    ``information`` (k, k): on the coefficients, nuisance parameters unknown. ``relative``: standard deviation
-    of every coefficient over its natural size, in the order of the information. ``size``, ``widening`` (k,):
-    natural sizes, and by how much the memory of the residuals widens each standard deviation.
+    ``relative``: standard deviation over natural size, in the order of the ``information`` (k, k). ``size``,
+    ``widening`` (k,): natural sizes, and by how much the memory of the residuals widens each deviation.
     """
     names = tuple(relative)
     natural = size / widening

@@ -88,17 +88,10 @@ class Candidate:
 
 
 def candidates(vehicle: Vehicle, estimated: Iterable[str], *, free: str) -> tuple[Candidate, ...]:
-    """Coefficients of a vehicle that are not estimated and act on a free axis.
+    """Coefficients that are not `estimated` and act on a `free` axis. Of an actuator group those of all its
+    actuators together where they are equal, its levers in proportion, and of each actuator gain and levers.
+    Lag and dead time of a group are there always, of those actuators that are not estimated.
 
-    Of an actuator group those of all its actuators together where they are equal, its levers in proportion
-    (the arm of all vertical thrusters about the roll axis), and of each actuator its gain and levers. Lag and
-    dead time of a group are there always, of those actuators that are not estimated; where that is a part of
-    the group, under the name of its first.
-
-    ``estimated``: coefficients that the fit sets. ``free``: letters of the free axes.
-
-    Examples
-    --------
     >>> import seatrial as st
     >>> found = candidates(st.Vehicle.load("cwolf"), ["X_u", "X_uu"], free="X")
     >>> [c.name for c in found if c.name.startswith("X_u")]
@@ -139,12 +132,9 @@ def candidates(vehicle: Vehicle, estimated: Iterable[str], *, free: str) -> tupl
 
 
 def trial_forces(trials: Sequence[str], estimated: Iterable[str], *, free: str) -> tuple[Candidate, ...]:
-    """Constant forces of single trials on the free axes, where neither they nor the bias are estimated.
+    """Constant forces of single trials on the free axes, where neither they nor the bias are estimated. One
+    trial alone has no force of its own: there it is the bias.
 
-    One trial alone has no force of its own: there it is the bias.
-
-    Examples
-    --------
     >>> [one.name for one in trial_forces(["out", "back"], ["Y_0", "out: force_X"], free="XY")]
     ['back: force_X']
     """
@@ -191,10 +181,8 @@ def fitted_places(lin: Linearisation, tried: Sequence[Candidate]) -> list[int]:
 def strongest(
     joint: Joint, values: Array, tried: tuple[Candidate, ...], *, initial: Array | None, noise: Array | None
 ) -> tuple[Candidate, ...]:
-    """The candidates of the largest gains, all if the derivatives by all of them fit into memory.
-
-    ``values`` (m,): the estimate. ``initial``, ``noise``: as for
-    `seatrial.estimation.joint_estimate.linearise`.
+    """The candidates of the largest gains, all if the derivatives by all of them fit into memory. ``values``
+    (m,), ``initial``, ``noise``: of the estimate.
     """
     from seatrial.estimation.joint_estimate import linearise
 
@@ -227,8 +215,6 @@ def _fits(joint: Joint) -> int:
 def signal_of(name: str, info: Mapping[str, Mapping[str, Any]] | None = None) -> str:
     """The signal that a coefficient multiplies, in words.
 
-    Examples
-    --------
     >>> [signal_of(name) for name in ("Y_ur", "Y_rdot", "N_rr", "K_v", "Z_0")]
     ['u r', 'dr/dt', '|r| r', 'v', 'a constant']
     >>> signal_of("C_Dz")
@@ -391,10 +377,8 @@ def missing_terms(
 def independent_blocks(
     lin: Linearisation, tried: Sequence[Candidate]
 ) -> tuple[list[NDArray[np.intp]], float]:
-    """Block of each sample (n,) per segment, and the blocks' length in s, for tests of the candidates.
-
-    The blocks outlast the memory of the residual that the best candidates leave: what a missing term makes
-    the residual remember is no noise.
+    """Block of each sample (n,) per segment, and the blocks' length in s. They outlast the memory of the
+    residual that the best candidates leave: what a missing term makes it remember is no noise.
     """
     duration = sum(len(piece.t) for piece in lin.pieces) * lin.dt
     number = block_numbers(lin, max(duration / SETTINGS.coarse_blocks, lin.dt))
@@ -445,9 +429,8 @@ def _channel(
     leader: int,
     name: str,
 ) -> str:
-    """The channel, a velocity where there is one, in which a candidate shows most beside what is fitted.
-
-    That of the force's own axis goes first where it shows a fair part.
+    """The channel, a velocity where there is one, in which a candidate shows most beside what is fitted; that
+    of the force's own axis where it shows a fair part.
     """
     explaining = _explaining(lin, columns, fitted=fitted, places=leaders)
     left = unexplained(lin, explaining, [own[:, :, leader] for own in columns])

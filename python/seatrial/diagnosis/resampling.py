@@ -137,9 +137,8 @@ def profile(
 
 
 def _crossing(step: Array, cost: Array, threshold: float) -> float:
-    """First place where a cost that starts at zero reaches the threshold.
-
-    The cost's root is interpolated: it is straight where the cost is a parabola.
+    """First place where a cost that starts at zero reaches the threshold, by its root, which is straight
+    where the cost is a parabola.
     """
     over = np.flatnonzero(cost >= threshold)
     if not len(over) or over[0] == 0:

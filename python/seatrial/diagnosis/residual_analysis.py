@@ -130,15 +130,10 @@ def analyse(
     tested: int | None = None,
     level: float = 0.05,
 ) -> ResidualAnalysis:
-    """Residual analysis of a model.
-
-    ``lin``: at the estimate; its unknowns include the coefficients that are tried, which count as not fitted.
-    ``tried``: coefficients that might be missing (`seatrial.diagnosis.missing_terms.candidates`).
-    ``signals``: name to one array (n,) per segment: recorded signals besides those of the motion. ``info``:
-    ``Vehicle.coefficient_info()``: what the vehicle knows, for the words. ``sensor_noise``: standard
-    deviation per channel, SI, where it is known; otherwise the white part of the residual. ``tested``: number
-    of coefficients tried in all, if more than are given here. ``level``: false discovery rate of suggestions,
-    and of signals.
+    """Residual analysis of a model, linearised at its estimate. ``tried``: coefficients that might be
+    missing, among its unknowns but not fitted. ``signals``: (n,) per segment besides those of the motion.
+    ``sensor_noise``: SI by channel; else the white part of the residual. ``tested``: number of coefficients
+    tried in all. ``level``: false discovery rate.
     """
     first = _first(lin, tried, info=info, tested=tested, level=level)
     by_name = {candidate.name: candidate.members for candidate in tried}
@@ -245,11 +240,7 @@ class Tried:
 def tried_terms(
     joint: Joint, values: Array, *, initial: Array | None = None, noise: Array | None = None
 ) -> Tried:
-    """Coefficients that a joint estimate holds and that might be missing.
-
-    ``values`` (m,): the estimate. ``initial``, ``noise``: as for
-    `seatrial.estimation.joint_estimate.linearise`.
-    """
+    """Coefficients that a joint estimate holds and that might be missing, at its ``values`` (m,)."""
     tried = candidates(joint.vehicle, coefficient_names(joint.parameters), free=joint.stage.axes.free)
     if joint.comparison.simulates:
         estimated = [unknown.name for unknown in joint.unknowns]
@@ -323,12 +314,9 @@ REFITTING_SETTINGS = RefittingSettings()
 
 
 def suggested_bounds(suggestion: Suggestion, info: Mapping[str, Mapping[str, Any]]) -> tuple[float, float]:
-    """Bounds for a suggested coefficient, in its unit; ``info`` is that of ``Vehicle.coefficient_info()``.
-
-    They hold the present value and the estimate, and beyond either four sigma or the distance between the
-    two, whichever is more: the estimate is of first order. The vehicle's default bounds cut them where both
-    values lie inside, so that damping keeps its sign; lag and dead time are never negative. Rounded outwards
-    to two digits.
+    """Bounds for a suggested coefficient, in its unit, rounded outwards to two digits. They hold present
+    value and estimate and beyond either four sigma or their distance, for the estimate is of first order. The
+    vehicle's default bounds cut them where both lie inside, so that damping keeps its sign.
     """
     present, value = suggestion.present, suggestion.value
     room = max(REFITTING_SETTINGS.room_sd * suggestion.sigma, abs(value - present))
@@ -343,12 +331,9 @@ def suggested_bounds(suggestion: Suggestion, info: Mapping[str, Mapping[str, Any
 
 
 def campaign_line(suggestion: Suggestion, info: Mapping[str, Mapping[str, Any]]) -> str:
-    """Line of a campaign's coefficients that frees a suggested one within `suggested_bounds`.
+    """Line of a campaign's coefficients that frees a suggested one within `suggested_bounds`; of a constant
+    force of one trial that of ``[polish.nuisances]``.
 
-    Of a constant force of one trial the line of ``[polish.nuisances]``.
-
-    Examples
-    --------
     >>> from seatrial.diagnosis.missing_terms import Suggestion
     >>> one = Suggestion("C_Dy", "1", (), "v", "the cross-flow", 0.0, 0.8, 0.02, 9.0, 1e-9)
     >>> campaign_line(one, {"C_Dy": {"lower": 0.0, "upper": 2.0}})
@@ -437,12 +422,9 @@ def refitted(
     refits: int,
     least_gain: float = 0.25,
 ) -> Refitted:
-    """Suggestions after refits: of the first few the one that gains most, then those beside it.
-
-    ``start`` (m,): the estimate without any of them. ``suggestions``: of first order, at that estimate.
-    ``tried``: all that may be suggested. ``tested``: number of coefficients tried in all. ``level``: false
-    discovery rate. ``refits``: suggestions that are refitted. ``least_gain``: percent of the mean square that
-    it gains at least; otherwise none is suggested.
+    """Suggestions after refits: of the first `refits` the one that gains most, then those beside it.
+    ``start`` (m,): the estimate without them. ``tried``: all that may be suggested, ``tested`` how many were
+    tried in all. ``least_gain``: percent of the mean square; where all gain less none is suggested.
     """
     begun = dict(zip((unknown.name for unknown in joint.unknowns), start.tolist(), strict=True))
     here = _fit(joint, joint.problem.joint or JointSettings(), begun)

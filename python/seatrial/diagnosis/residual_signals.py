@@ -103,9 +103,8 @@ class FollowedSignal(Plain, without="coefficient status", also="sentence"):
 
 
 def with_predicted_velocity(lin: Linearisation, trials: Mapping[str, Trial]) -> Linearisation:
-    """The linearisation with the model's own velocity in the channels that it shows.
-
-    A measured velocity carries the noise of the very sensor whose residual is to follow it.
+    """The linearisation with the model's own velocity in the channels that it shows: a measured one carries
+    the noise of the very sensor whose residual is to follow it.
     """
     pieces = []
     for piece in lin.pieces:
@@ -135,9 +134,8 @@ def motion_signals(lin: Linearisation) -> dict[str, list[Array]]:
 
 
 def recorded_signals(lin: Linearisation, trials: Mapping[str, Trial]) -> dict[str, list[Array]]:
-    """Per name the signal (n,) of each segment, about its mean: commands, recorded wrench, voltage and time.
-
-    Zero where it is not recorded.
+    """Per name the signal (n,) of each segment about its mean, zero where not recorded: commands, recorded
+    wrench, voltage and time.
     """
     raw: dict[str, dict[int, Array]] = {}
     for index, piece in enumerate(lin.pieces):
@@ -174,12 +172,10 @@ def followed_signals(
     least_r2: float = 0.02,
     most: int = 2,
 ) -> tuple[FollowedSignal, ...]:
-    """Signals that the residuals follow, the one that explains most of its channel first.
-
-    ``signals``: name to one array (n,) per segment. ``fitted``: places of the fitted unknowns. ``block``
-    (n,): block of each sample of each segment. ``known``: coefficients that the vehicle knows, for the
-    advice. ``level``: false discovery rate. ``least_r2``: share of the channel's squared residual that a
-    signal explains at least. ``most``: signals per channel at most.
+    """Signals that the residuals follow, the one that explains most of its channel first. ``signals``: (n,)
+    per segment. ``fitted``: places of the fitted unknowns. ``block`` (n,) per segment. ``known``:
+    coefficients of the vehicle. ``level``: false discovery rate. ``least_r2``: share of the channel's squared
+    residual at least. ``most`` per channel.
     """
     tests: dict[str, SingleTests | ScoreTests] = {}
     labels = [(name, lag) for lag in SETTINGS.lags_s for name in signals]
@@ -327,12 +323,8 @@ def autocorrelations(
     longest_s: float = SETTINGS.longest_s,
     sensor_noise: Mapping[str, float] | None = None,
 ) -> tuple[Autocorrelation, ...]:
-    """Autocorrelation of the residual of every channel that has samples.
-
-    What the robust loss weighs less counts less.
-
-    ``longest_s``: longest lag, s; at most a quarter of the data. ``sensor_noise``: standard deviation per
-    channel, SI, where it is known.
+    """Autocorrelation of the residual of every channel that has samples, as the robust loss weighs them, up
+    to ``longest_s`` or a quarter of the data. ``sensor_noise``: SI by channel, where it is known.
     """
     samples = sum(len(piece.t) for piece in lin.pieces)
     count = max(1, min(round(longest_s / lin.dt), samples // 4))
@@ -345,13 +337,9 @@ def autocorrelations(
 
 
 def block_length(correlations: tuple[Autocorrelation, ...], duration_s: float) -> float:
-    """Length in s of blocks that are as good as independent: four times the longest correlation time.
+    """Length in s of blocks that are as good as independent: four times the longest correlation time, at
+    least two seconds, and such that there are between two dozen blocks and ten times as many.
 
-    At least two seconds, and such that there are between two dozen blocks, without which there is no
-    variance, and ten times as many, beyond which they tell nothing more.
-
-    Examples
-    --------
     >>> block_length((), 1200.0)
     5.0
     """
@@ -361,10 +349,7 @@ def block_length(correlations: tuple[Autocorrelation, ...], duration_s: float) -
 
 
 def block_numbers(lin: Linearisation, length_s: float) -> list[NDArray[np.intp]]:
-    """Block that each sample belongs to, per segment (n,), from 0 on.
-
-    The blocks of a trial are equally long, about `length_s`, and cross the limits of its segments.
-    """
+    """Block of each sample per segment (n,), from 0 on: equally long in a trial, across its segments."""
     totals: dict[str, int] = {}
     for piece in lin.pieces:
         totals[piece.trial] = totals.get(piece.trial, 0) + len(piece.t)

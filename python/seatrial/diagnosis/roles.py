@@ -79,13 +79,9 @@ class Role:
 
 
 def role(name: str, *, pushed: str = AXES, fins: Collection[str] = ()) -> Role:
-    """Role of a coefficient or of a campaign's parameter, from its name.
+    """Role of a coefficient or of a campaign's parameter, from its name. ``pushed``: axes that thrusters push
+    directly. ``fins``: fins and groups of fins.
 
-    ``pushed``: letters of the axes that the vehicle's thrusters push directly. ``fins``: its fins and groups
-    of fins.
-
-    Examples
-    --------
     >>> role("N_uv").kind, role("N_uv").force, role("N_uv").velocities
     ('lift', 'N', 'uv')
     >>> role("stern.gain").kind, role("stern.gain").actuator
@@ -150,8 +146,6 @@ _PUSHED_BY = {
 def manoeuvre(role: Role) -> Manoeuvre:
     """Manoeuvre or measurement that tells a coefficient.
 
-    Examples
-    --------
     >>> manoeuvre(role("Z_uw"))
     Manoeuvre(kind='lift', of='w', part='')
     >>> manoeuvre(role("Z_uw", pushed="X"))
@@ -196,8 +190,6 @@ _BENCH = ("mass", "inertia", "lever", "thrust", "buoyancy", "gravity", "buoyancy
 def anchor(names: Sequence[str]) -> str | None:
     """Member of a combination that a bench, scales or a tape measure gives; None where none does.
 
-    Examples
-    --------
     >>> anchor(["M_qdot", "I_y"])
     'I_y'
     """
@@ -230,9 +222,7 @@ def unexcited(
     fins: Collection[str] = (),
 ) -> list[Unexcited]:
     """Why the data would not show these coefficients even if all others were known, those alike together.
-
-    ``moving`` are the velocities that move in the trials, ``silent`` those of the names that change no
-    channel at all, ``seen`` coefficients that the data do show; ``pushed`` and ``fins`` as for `role`.
+    ``moving`` velocities move in the trials, ``silent`` names change no channel, ``seen`` ones the data show.
     """
     groups: dict[tuple[str, tuple[str, ...], Manoeuvre], list[str]] = {}
     for name in names:

@@ -60,25 +60,12 @@ SETTINGS = ConsistencySettings()
 
 
 def consistency(series: Mapping[str, Series], *, quaternion: bool = True) -> Consistency:
-    """Corrections that would make the channels tell one motion, and what the log cannot tell.
+    """Corrections that would make the channels tell one motion, and what the log cannot tell. ``series`` by
+    channel: those of a trial, ``u_water v_water w_water`` through the water, ``ax ay az`` specific force in
+    m/s^2, ``cmd.<actuator>`` in any unit, the wrench ``tau.X_n`` ... ``tau.N_nm``. Of a `quaternion` order
+    and direction are asked, too, not only the frame. TrialError: an unknown channel, or stamps that do not
+    rise.
 
-    Parameters
-    ----------
-    series
-        By channel: ``x y z u v w p q r roll pitch yaw`` as of a trial, ``u_water v_water w_water`` velocity
-        through the water, ``ax ay az`` specific force in m/s^2, ``cmd.<actuator>`` in any unit, and the
-        wrench ``tau.X_n`` ... ``tau.N_nm``.
-    quaternion
-        Whether the attitude was recorded as one: then the order of its columns and its direction are asked,
-        not only its frame.
-
-    Raises
-    ------
-    TrialError
-        An unknown channel, or stamps that do not rise.
-
-    Examples
-    --------
     >>> import numpy as np
     >>> t = np.arange(0.0, 60.0, 0.1)
     >>> found = consistency({"z": Series(t, 2.0 + 0.0 * t), "yaw": Series(t, 0.1 * t)})
@@ -144,10 +131,7 @@ def consistency(series: Mapping[str, Series], *, quaternion: bool = True) -> Con
 
 
 def convention_of(series: Mapping[str, Series]) -> AttitudeConvention | None:
-    """Convention of a recorded quaternion if it is not the one it was read with; None where it is or unknown.
-
-    The series are those of `consistency`.
-    """
+    """Convention of a recorded quaternion if it is not the one it was read with; else None."""
     known = {
         name: samples
         for name, samples in checked(series).items()
@@ -254,8 +238,6 @@ def _upright(q: Array, direction: Array) -> float:
 def missing(series: Mapping[str, Series]) -> list[Finding]:
     """Channels that are not recorded.
 
-    Examples
-    --------
     >>> missing({})[0].subject
     'attitude'
     """
@@ -346,11 +328,8 @@ class LateVelocity:
 def late_velocity(
     trials: Mapping[str, Trial], recordings: Mapping[str, Recording | None], *, problem: str
 ) -> LateVelocity | None:
-    """A late velocity that reading leaves; None where there is none.
-
-    Reading removes what it can estimate from the position. Where that comes too slowly or not at all, the
-    depth tells, as in `check`: here of the shortest such trial, and of nothing but the delay. A trial without
-    its recording tells nothing. `problem` is what `seatrial check` is to be given, for the message.
+    """A late velocity that reading leaves, in the shortest trial where it could not use the position: there
+    the depth tells, as in `check`. `problem` is what `seatrial check` is to be given, for the message.
     """
 
     def left(trial: Trial) -> bool:
@@ -404,9 +383,8 @@ def proposals(
     reports: Mapping[str, RecordingReport],
     clocks: Mapping[str, Mapping[str, str]] | None = None,
 ) -> tuple[Proposal, ...]:
-    """One proposal a key over all trials, what reading leaves first, then the largest effect.
-
-    `clocks`: by trial, of which file's clock the import proposed the delay of a sensor already.
+    """One proposal a key over all trials, what reading leaves first, then the largest effect. `clocks`: by
+    trial and sensor the file whose clock the import proposed already.
     """
     by_key: dict[tuple[str, str], list[tuple[str, Correction]]] = {}
     for name, result in by_trial.items():

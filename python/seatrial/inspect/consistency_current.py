@@ -273,10 +273,8 @@ class _Parts:
         self._rows = csr_array(np.concatenate([self.current, own], axis=2).reshape(2 * len(t), -1))
 
     def solve(self, x: Array) -> tuple[float, Array, Array]:
-        """Negative log marginal likelihood, current (m, 2) and deviations (m, 2) for the hyperparameters.
-
-        `x`: logarithms of the walk per minute and of the noise of both velocities on legs and in turns, m/s,
-        and the share k.
+        """Negative log marginal likelihood, current (m, 2) and deviations (m, 2), m/s, for `x`: logarithms of
+        the walk per minute and of the noise of both velocities on legs and in turns, m/s, and the share k.
         """
         walk = np.exp(np.clip(x[0], -12.0, 0.0))
         noise = np.exp(np.clip(x[1:5], -9.0, 1.0)).reshape(2, 2)

@@ -65,46 +65,25 @@ SETTINGS = SensorSettings()
 
 @dataclass(frozen=True)
 class Found:
-    """What was found about one sensor.
+    """What was found about one sensor."""
 
-    Attributes
-    ----------
-    group, of
-        The sensor, and the comparison with its unit.
-    fit
-        Fitted parameters; None where too little can be compared.
-    assignment
-        Axes and signs; None where correlation does not tell.
-    unit
-        Unit that the samples turned out to have and its size in SI, by group.
-    other_clock
-        Whether the sensor has another clock than the attitude.
-    sizes
-        Residual's root mean square as recorded and after axes, signs and units.
-    middle
-        Time at which a delay with a drift holds, s.
-    why
-        Why there is no fit; None for too little in common.
-    motion, speed
-        Of a velocity: root mean squares of the rates that it is compared with and of the velocity, m/s.
-    shown
-        Root mean square of the rates as velocity and attitude say, m/s.
-    still
-        Whether position or depth move less than their noise while the velocity says clearly more.
-    """
-
+    #: The sensor, and the comparison with its unit.
     group: str
     of: str
-    fit: Fit | None
-    assignment: Assignment | None = None
+    fit: Fit | None  #: Fitted parameters; None where too little can be compared.
+    assignment: Assignment | None = None  #: Axes and signs; None where correlation does not tell.
+    #: Unit that the samples turned out to have and its size in SI, by group.
     unit: dict[str, tuple[str, float]] = field(default_factory=dict)
-    other_clock: bool = False
+    other_clock: bool = False  #: Whether the sensor has another clock than the attitude.
+    #: Residual's root mean square as recorded and after axes, signs and units.
     sizes: tuple[float, float] = (0.0, 0.0)
-    middle: float = 0.0
-    why: Finding | None = None
+    middle: float = 0.0  #: Time at which a delay with a drift holds, s.
+    why: Finding | None = None  #: Why there is no fit; None for too little in common.
+    #: Of a velocity: root mean squares of the rates that it is compared with and of the velocity, m/s.
     motion: float = 0.0
     speed: float = 0.0
-    shown: float = 0.0
+    shown: float = 0.0  #: Root mean square of the rates as velocity and attitude say, m/s.
+    #: Whether position or depth move less than their noise while the velocity says clearly more.
     still: bool = False
 
     @property
@@ -207,10 +186,8 @@ def _keep_delay(channels: Channels, group: str, fit: Fit | None) -> None:
 
 
 def velocity_found(channels: Channels) -> list[Found]:
-    """The velocity against position and depth; empty where the log has not what it takes.
-
-    A position that comes much more slowly than the depth is compared apart: the depth, at its own rate, tells
-    delay and tilt.
+    """The velocity against position and depth; empty where the log has not what it takes. A much slower
+    position is compared apart: the depth, at its own rate, tells delay and tilt.
     """
     have = set(channels.curves)
     rows = []
@@ -299,10 +276,7 @@ def _compared(rows: tuple[int, ...]) -> str:
 
 
 def _still(residual: VelocityResidual, grid: Grid, rows: tuple[int, ...], before: float) -> Found | None:
-    """What is said where position and depth move less than their noise; None where they move.
-
-    No ratio, sign or delay is told by such a motion.
-    """
+    """What is said where position and depth move less than their noise, which tells no sign or delay."""
     rate, _ = residual.rate({})
     y, good = residual({})
     if not good.any():
@@ -429,10 +403,8 @@ def _by_rows(
 def _signs_by_rows(
     channels: Channels, grid: Grid, residual: VelocityResidual, names: Sequence[str], rows: tuple[int, ...]
 ) -> tuple[Assignment, float]:
-    """Signs of the components by what each adds to the rate of depth, or of north and east; ratio of sizes.
-
-    The rate is the sum of what each component adds to it, turned by the attitude: a component whose part
-    comes with a gain near minus one is reversed.
+    """Signs of the components by what each adds, turned by the attitude, to the rate of depth or of north and
+    east: one with a gain near minus one is reversed. With the ratio of sizes.
     """
     late = channels.delay["velocity"]
     residual.velocities = {}  # of another delay

@@ -55,33 +55,22 @@ NO_MOTION = Finding("no motion", Severity.NOTE)
 
 @dataclass(frozen=True)
 class Correction(Plain, without="finding", also="sentence"):
-    """One proposal: a key of a campaign or of an import's map, its value and what it improves.
+    """One proposal: a key of a campaign or of an import's map, its value and what it improves."""
 
-    Attributes
-    ----------
-    table, key
-        "corrections" (campaign) or "clocks" (map of an import), and the key in it.
-    value, sd, unit
-        What to write there, its standard deviation (0 for signs and units), the unit of both.
-    before, after, of
-        Root mean square of the residual without and with this correction, and of which comparison, with
-        its unit.
-    finding
-        What was found, with deviation and effect.
-    sensor
-        Of a clock the sensor whose delay it contains, as under delay_s; else "".
-    """
-
+    #: "corrections" (campaign) or "clocks" (map of an import), and the key in it.
     table: str
     key: str
+    #: What to write there, its standard deviation (0 for signs and units), the unit of both.
     value: Any
     sd: Any
     unit: str
+    #: Root mean square of the residual without and with this correction, and of which comparison, with its
+    #: unit.
     before: float
     after: float
     of: str
-    finding: Finding
-    sensor: str = ""
+    finding: Finding  #: What was found, with deviation and effect.
+    sensor: str = ""  #: Of a clock the sensor whose delay it contains, as under delay_s; else "".
 
     @property
     def sentence(self) -> str:
@@ -98,25 +87,15 @@ class Correction(Plain, without="finding", also="sentence"):
 
 @dataclass(frozen=True, eq=False)
 class SlowCurrent(Plain):
-    """Current of the water over time.
+    """Current of the water over time."""
 
-    Attributes
-    ----------
-    t
-        Times in s, shape (n,).
-    velocity, sd
-        North and east, m/s, shape (n, 2), and the standard deviation of each.
-    source
-        What it was estimated from.
-    before, after
-        Error of u and v (of north and east where the velocity through the water is measured) in m/s, as
-        predicted for held-out parts of time without and with this current.
-    """
-
-    t: Array
+    t: Array  #: Times in s, shape (n,).
+    #: North and east, m/s, shape (n, 2), and the standard deviation of each.
     velocity: Array
     sd: Array
-    source: str
+    source: str  #: What it was estimated from.
+    #: Error of u and v (of north and east where the velocity through the water is measured) in m/s, as
+    #: predicted for held-out parts of time without and with this current.
     before: tuple[float, float]
     after: tuple[float, float]
 
@@ -156,26 +135,14 @@ class SlowCurrent(Plain):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Consistency(Reported, Plain, only="corrections contradictions missing current compared=comparisons"):
-    """Proposed corrections, the one with the largest effect first; nothing is applied.
+    """Proposed corrections, the one with the largest effect first; nothing is applied."""
 
-    Attributes
-    ----------
-    corrections
-        Each is significant and its effect is not small.
-    untold
-        What the log cannot tell, and what that costs.
-    current
-        Slow current of the water; None where the log does not tell it.
-    compared
-        What was compared, with the root mean square of the difference as recorded and corrected.
-    contradicted
-        Channels that no correction brings to the motion that the others show.
-    """
-
-    corrections: tuple[Correction, ...]
-    untold: tuple[Finding, ...]
-    current: SlowCurrent | None = None
+    corrections: tuple[Correction, ...]  #: Each is significant and its effect is not small.
+    untold: tuple[Finding, ...]  #: What the log cannot tell, and what that costs.
+    current: SlowCurrent | None = None  #: Slow current of the water; None where the log does not tell it.
+    #: What was compared, with the root mean square of the difference as recorded and corrected.
     compared: tuple[tuple[str, float, float], ...] = ()
+    #: Channels that no correction brings to the motion that the others show.
     contradicted: tuple[Finding, ...] = ()
 
     def without_motion(self) -> Consistency:
@@ -448,10 +415,8 @@ def _unlike(sensor: Found) -> Finding | None:
 
 
 def _opposed(sensor: Found) -> Finding | None:
-    """A velocity that no correction brings anywhere near the rates of the pose; None where one does.
-
-    It then differs from them by more than they are: no velocity at all would agree better. Where a scale that
-    takes the velocity away is the best correction, the difference as recorded counts.
+    """A velocity that differs from the rates of the pose by more than they are, whatever is corrected. Where
+    a scale that takes the velocity away is the best correction, the difference as recorded counts.
     """
     fit = sensor.fit
     if fit is None or sensor.group != "velocity":
@@ -471,13 +436,9 @@ def _is_scale(value: float) -> bool:
 
 
 def is_shown(value: float, sd: float) -> bool:
-    """Whether a channel shows any of the motion that it is compared with: else a ratio of both has no sense.
+    """Whether a channel shows any of the motion that it is compared with, from its relative scale error and
+    the deviation of that: at -1 it has nothing of the motion, and a ratio of both has no sense.
 
-    `value` and `sd` are the relative scale error and its deviation: at -1 the channel has nothing of the
-    motion.
-
-    Examples
-    --------
     >>> is_shown(-1.0005, 0.15), is_shown(-0.999, 1e-5), is_shown(-3.0, 0.1)
     (False, True, True)
     """

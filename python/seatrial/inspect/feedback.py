@@ -49,43 +49,31 @@ _SEEN = ("yaw", "pitch", "roll", "z", "u", "v", "w", "p", "q", "r")
 
 @dataclass(frozen=True)
 class FeedbackSettings:
-    """Thresholds from which a command is judged to follow measurements.
+    """Thresholds from which a command is judged to follow measurements."""
 
-    Attributes
-    ----------
-    closed
-        Part of the variance that measurements explain of what the command's own past does not, from which
-        the loop is closed.
-    mean_s, lags
-        Means that the autoregressions see, s, and how many of them back. Shorter means show an autopilot's
-        answer to the noise of its own sensors.
-    settled
-        Means at the start that are left out, at most a tenth of the log: a transient there is no loop.
-    blocks, ridge
-        Parts of the log, each judged by a fit to the others, and the regression's ridge per mean, on
-        standardised regressors.
-    fewest
-        Means below which nothing is judged: a regression on ten channels has sixty unknowns.
-    at_the_end
-        Part of the command's range at either end where it may be saturated, and tells nothing.
-    outlier, tall
-        Robust deviations of a change, and deviations of a regressor, at which they are clipped: steps of set
-        points are no answer to a measurement.
-    rate_hz, longest_lag_s, apart_s
-        Rate at which the slope is judged; longest lag of a command behind its measurement; time over which
-        both are differenced, so that set points and offsets drop out.
-    """
-
+    #: Part of the variance that measurements explain of what the command's own past does not, from which the
+    #: loop is closed.
     closed: float = 0.2
+    #: Means that the autoregressions see, s, and how many of them back. Shorter means show an autopilot's
+    #: answer to the noise of its own sensors.
     mean_s: float = 0.4
     lags: int = 6
+    #: Means at the start that are left out, at most a tenth of the log: a transient there is no loop.
     settled: int = 150
+    #: Parts of the log, each judged by a fit to the others, and the regression's ridge per mean, on
+    #: standardised regressors.
     blocks: int = 6
     ridge: float = 1e-2
+    #: Means below which nothing is judged: a regression on ten channels has sixty unknowns.
     fewest: int = 200
+    #: Part of the command's range at either end where it may be saturated, and tells nothing.
     at_the_end: float = 0.01
+    #: Robust deviations of a change, and deviations of a regressor, at which they are clipped: steps of set
+    #: points are no answer to a measurement.
     outlier: float = 3.0
     tall: float = 4.0
+    #: Rate at which the slope is judged; longest lag of a command behind its measurement; time over which
+    #: both are differenced, so that set points and offsets drop out.
     rate_hz: float = 10.0
     longest_lag_s: float = 2.0
     apart_s: float = 1.0
@@ -103,27 +91,14 @@ LEAST_S = SETTINGS.fewest * SETTINGS.mean_s
 
 @dataclass(frozen=True)
 class Feedback:
-    """How one command depends on what was measured.
+    """How one command depends on what was measured."""
 
-    Attributes
-    ----------
-    command
-        Name of the actuator, or column of the wrench (``tau.Z_n``).
-    explained
-        Part of the command's unpredicted variance that the measurements foretell, on data outside the fit.
-    channel
-        The measurement that foretells it best; "" where the loop is open.
-    gain
-        Slope of the command on that measurement, command's unit (rad for angles) per SI unit.
-    lag_s
-        How long the command is behind that measurement.
-    """
-
-    command: str
+    command: str  #: Name of the actuator, or column of the wrench (``tau.Z_n``).
+    #: Part of the command's unpredicted variance that the measurements foretell, on data outside the fit.
     explained: float
-    channel: str
-    gain: float
-    lag_s: float
+    channel: str  #: The measurement that foretells it best; "" where the loop is open.
+    gain: float  #: Slope of the command on that measurement, command's unit (rad for angles) per SI unit.
+    lag_s: float  #: How long the command is behind that measurement.
 
     @property
     def closed(self) -> bool:
@@ -259,10 +234,9 @@ _PLANES = {"course": ("YN", "yaws"), "pitch": ("ZM", "pitches")}
 
 
 def runs_away(vehicle: Vehicle, trials: Sequence[Trial], free: str, segment_s: float = SEGMENT_S) -> str:
-    """Sentence on a vehicle that leaves straight running too fast to be simulated for a segment; else "".
-
-    Each trial is looked at about its median speed ahead. `free` are the letters of the simulated axes: the
-    course needs both sway and yaw, the pitch both heave and pitch.
+    """Sentence on a vehicle that leaves straight running, at a trial's median speed ahead, too fast to be
+    simulated for a segment; else "". `free`: the simulated axes; the course needs sway and yaw, the pitch
+    heave and pitch.
     """
     for trial in trials:
         for verb, speed, tenfold_s in _tenfold(vehicle, trial, free):
@@ -275,11 +249,8 @@ def runs_away(vehicle: Vehicle, trials: Sequence[Trial], free: str, segment_s: f
 
 
 def judged_s(vehicles: Sequence[Vehicle], trials: Sequence[Trial], free: str, longest_s: float) -> float:
-    """How far ahead a simulation judges a model of a vehicle that may run away, s; `longest_s` for one that
-    does not.
-
-    Where a disturbance of the fastest vehicle grows by ten thousand within `longest_s`, it is the time in
-    which it grows tenfold: beyond it the errors of the first state are all that a simulation shows.
+    """How far ahead a simulation judges a model of a vehicle that may run away, s: the time in which a
+    disturbance of the fastest grows tenfold, where it grows by ten thousand within `longest_s`.
     """
     times = [time for v in vehicles for trial in trials for *_, time in _tenfold(v, trial, free)]
     shortest = min(times, default=math.inf)
@@ -301,25 +272,17 @@ def _tenfold(vehicle: Vehicle, trial: Trial, free: str) -> Iterator[tuple[str, f
 
 @dataclass(frozen=True)
 class EventLimits:
-    """What counts as an event.
+    """What counts as an event."""
 
-    Attributes
-    ----------
-    least_s, most_s
-        Length, s. Shorter than a wave it is not told from one; after 20 s, four or five time constants of a
-        torpedo's turn or a hovering vehicle's drift, nothing new is seen.
-    before_s
-        How long before its command it begins, s: the angle's slope there is the rate that it starts with.
-    held
-        Change of a command, over its range, that counts as none: a servo's report trembles by some counts.
-    step
-        Change of a command, over its range, that begins an event: below it waves move the vehicle more.
-    """
-
+    #: Length, s. Shorter than a wave it is not told from one; after 20 s, four or five time constants of a
+    #: torpedo's turn or a hovering vehicle's drift, nothing new is seen.
     least_s: float = 5.0
     most_s: float = 20.0
+    #: How long before its command it begins, s: the angle's slope there is the rate that it starts with.
     before_s: float = 1.5
+    #: Change of a command, over its range, that counts as none: a servo's report trembles by some counts.
     held: float = 0.003
+    #: Change of a command, over its range, that begins an event: below it waves move the vehicle more.
     step: float = 0.15
 
 
@@ -355,10 +318,8 @@ class Event(Plain):
 def events(
     trial: Trial, vehicle: Vehicle, axis: str, usable: Mask | None = None, limits: EventLimits = EVENT_LIMITS
 ) -> tuple[Event, ...]:
-    """Events of an axis, a letter among ``XYZKMN``, in the order of time.
-
-    `usable` (n,) are the samples that an event may use, the time before its command included; all when
-    omitted.
+    """Events of an axis, a letter among ``XYZKMN``, in the order of time. `usable` (n,): samples that an
+    event may use, the time before its command included; all when omitted.
     """
     names = [
         name

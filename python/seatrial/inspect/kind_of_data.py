@@ -127,10 +127,7 @@ class KindOfData:
 
 
 def kind_of_data(trial: Trial, vehicle: Vehicle | None = None) -> KindOfData:
-    """What a trial, on its uniform time base, holds and what spoils it.
-
-    The vehicle gives the wrench and the limits of recorded commands.
-    """
+    """What a trial holds and what spoils it; the vehicle gives the wrench and the limits of commands."""
     driving = drives(trial, vehicle)
     sequence = manoeuvres(trial, vehicle)
     every = feedback(trial)
@@ -220,25 +217,14 @@ SETTINGS = DataSettings()
 
 @dataclass(frozen=True)
 class Excitation:
-    """How one velocity moves.
+    """How one velocity moves."""
 
-    Attributes
-    ----------
-    axis, channel
-        A letter of "XYZKMN" and its velocity, "u" ... "r".
-    rms
-        About the mean, SI.
-    noise
-        Standard deviation of the white part of the samples, SI.
-    shares
-        Part of the variance in each of `BANDS_HZ`.
-    """
-
+    #: A letter of "XYZKMN" and its velocity, "u" ... "r".
     axis: str
     channel: str
-    rms: float
-    noise: float
-    shares: tuple[float, ...]
+    rms: float  #: About the mean, SI.
+    noise: float  #: Standard deviation of the white part of the samples, SI.
+    shares: tuple[float, ...]  #: Part of the variance in each of `BANDS_HZ`.
 
     @property
     def over_noise(self) -> float:
@@ -293,8 +279,6 @@ class Contact:
 def excitation(trial: Trial) -> list[Excitation]:
     """Excitation of each recorded velocity, in the order of the axes.
 
-    Examples
-    --------
     >>> import seatrial as st
     >>> t = np.arange(0.0, 100.0, 0.1)
     >>> trial = st.Trial.read({"t_s": t, "u_m_s": np.sin(2.0 * np.pi * 0.1 * t)})
@@ -319,10 +303,8 @@ def excitation(trial: Trial) -> list[Excitation]:
 
 
 def saturation(trial: Trial, vehicle: Vehicle | None = None) -> list[Saturation]:
-    """Commands that stay at their motor's limit in more than 2 % of the samples; none without a vehicle.
-
-    Extremes of commands whose limits are not known are in the trial's report. A command of a few preset steps
-    rests where it was meant to.
+    """Commands that stay at their motor's limit in more than 2 % of the samples; none without a vehicle. A
+    command of a few preset steps rests where it was meant to.
     """
     facts = {} if vehicle is None else vehicle.actuator_info()
     at_limit = []
@@ -344,9 +326,8 @@ def saturation(trial: Trial, vehicle: Vehicle | None = None) -> list[Saturation]
 
 
 def excesses(trial: Trial, vehicle: Vehicle | None = None) -> list[Excess]:
-    """Commands beyond their actuator's limit by a tenth of its range, in more than 1 % of the samples.
-
-    Such a command has another unit than the vehicle file, or the file is of another actuator.
+    """Commands beyond their actuator's limit by a tenth of its range in more than 1 % of the samples: another
+    unit than the vehicle file's, or another actuator.
     """
     facts = {} if vehicle is None else vehicle.actuator_info()
     beyond = []

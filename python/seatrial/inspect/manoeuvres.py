@@ -87,38 +87,26 @@ class Drive:
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """A part of a recording with a name.
+    """A part of a recording with a name."""
 
-    Attributes
-    ----------
-    kind
-        "step", "coast-down", "turn", "zigzag", "dive", "rise", "decay", "straight run", "station-keeping" or
-        "rest".
-    by
-        The axis ("X" ... "N") or the actuator that is stepped or stopped, the axis that moves otherwise.
-    start_s, end_s
-        In the trial's own time. A step lasts as long as its new level is held.
-    size, unit
-        Change of the drive of a step, heading change of a turn and of a zigzag's swings, depth change of a
-        dive, first angle of a decay, speed of a straight run and at the start of a coast-down; angles in deg.
-    sentence
-        All of it in words.
-    """
-
+    #: "step", "coast-down", "turn", "zigzag", "dive", "rise", "decay", "straight run", "station-keeping" or
+    #: "rest".
     kind: Kind
+    #: The axis ("X" ... "N") or the actuator that is stepped or stopped, the axis that moves otherwise.
     by: str
+    #: In the trial's own time. A step lasts as long as its new level is held.
     start_s: float
     end_s: float
+    #: Change of the drive of a step, heading change of a turn and of a zigzag's swings, depth change of a
+    #: dive, first angle of a decay, speed of a straight run and at the start of a coast-down; angles in deg.
     size: float
     unit: str
-    sentence: str
+    sentence: str  #: All of it in words.
 
 
 def drives(trial: Trial, vehicle: Vehicle | None = None) -> list[Drive]:
-    """What drives the vehicle in a trial: axes of the wrench, or actuators where no wrench is known.
-
-    The vehicle gives the wrench of recorded commands where the trial has none: of the vehicle held at rest,
-    or at the trial's usual speed if it has fins.
+    """What drives the vehicle: axes of the wrench, recorded or that of the commands with the vehicle held
+    (with fins at the trial's usual speed), or single actuators where no wrench is known.
     """
     tau = trial.tau if trial.tau is not None else _wrench(trial, vehicle)
     if tau is None:
@@ -170,8 +158,6 @@ def _command_unit(y: Array) -> str:
 def manoeuvres(trial: Trial, vehicle: Vehicle | None = None) -> list[Manoeuvre]:
     """Manoeuvres of a trial in the order of their start; the vehicle is as in `drives`.
 
-    Examples
-    --------
     >>> import seatrial as st
     >>> t = np.arange(0.0, 60.0, 0.1)
     >>> surge = np.where(t < 20.0, 0.0, 30.0)
@@ -190,8 +176,6 @@ def manoeuvres(trial: Trial, vehicle: Vehicle | None = None) -> list[Manoeuvre]:
 def counted(sequence: Iterable[Manoeuvre]) -> str:
     """Manoeuvres by kind and axis in words: ``4 steps of X, 2 turns``; "" without any.
 
-    Examples
-    --------
     >>> counted([Manoeuvre("dive", "Z", 0.0, 9.0, 3.0, "m", "")])
     '1 dive'
     """

@@ -51,28 +51,16 @@ _TOLD = ("step", "coast-down", "turn", "zigzag", "dive", "rise", "decay", "strai
 
 @dataclass(frozen=True)
 class TrialWindows:
-    """Proposed parts of a trial, s in its own time.
+    """Proposed parts of a trial, s in its own time."""
 
-    Attributes
-    ----------
-    use
-        From the first to the last motion.
-    hold_out
-        (start, stop) for the key ``hold_out_s`` of a campaign; None where the trial is too short or too
-        uniform to be split.
-    kept
-        Kinds of manoeuvres that both parts have, of those that occur more than once: (both, all).
-    effort
-        Activity of the held-out part over that of the fitted part, 1 is alike.
-    sentence
-        Why, in words.
-    """
-
-    use: tuple[float, float]
+    use: tuple[float, float]  #: From the first to the last motion.
+    #: (start, stop) for the key ``hold_out_s`` of a campaign; None where the trial is too short or too
+    #: uniform to be split.
     hold_out: tuple[float, float] | None
+    #: Kinds of manoeuvres that both parts have, of those that occur more than once: (both, all).
     kept: tuple[int, int]
-    effort: float
-    sentence: str
+    effort: float  #: Activity of the held-out part over that of the fitted part, 1 is alike.
+    sentence: str  #: Why, in words.
 
 
 def windows(trial: Trial, sequence: Sequence[Manoeuvre]) -> TrialWindows:
@@ -235,9 +223,8 @@ def _driven(trial: Trial) -> NDArray[np.bool_]:
 def _both_driven(
     t: Array, driven: NDArray[np.bool_], use: tuple[float, float], part: tuple[float, float]
 ) -> bool:
-    """Whether a part and the rest of a trial both have commands that change; true where none ever changes.
-
-    Where they change for less than half of the time, each has a stretch of it as a whole.
+    """Whether a part and the rest both have commands that change, a whole stretch each where they change for
+    less than half of the time; true where none ever changes.
     """
     inside = (t >= part[0]) & (t < part[1])
     rest = (t >= use[0]) & (t < use[1]) & ~inside

@@ -92,35 +92,17 @@ Kind = Literal["open", "closed and informative", "feedback-dominated"]
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether a recording tells how an axis answers its commands.
+    """Whether a recording tells how an axis answers its commands."""
 
-    Attributes
-    ----------
-    axis
-        Letter among ``XYZKMN``.
-    kind
-        "open", "closed and informative" or "feedback-dominated".
-    commands
-        Actuators that push the axis, or the column of the wrench.
-    explained
-        Part of the command's unpredicted variance that past measurements foretell.
-    told
-        Share of the velocity's variance that the exogenous part of the command drives; NaN in an open loop.
-    wave_share
-        Share of the command's variance at wave frequencies; NaN without waves.
-    wave_period_s
-        Of the waves; NaN without.
-    under_way
-        Whether the vehicle keeps its way along the axis: the mean thrust then tells the drag.
-    """
-
-    axis: str
-    kind: Kind
-    commands: tuple[str, ...]
-    explained: float
+    axis: str  #: Letter among ``XYZKMN``.
+    kind: Kind  #: "open", "closed and informative" or "feedback-dominated".
+    commands: tuple[str, ...]  #: Actuators that push the axis, or the column of the wrench.
+    explained: float  #: Part of the command's unpredicted variance that past measurements foretell.
+    #: Share of the velocity's variance that the exogenous part of the command drives; NaN in an open loop.
     told: float
-    wave_share: float
-    wave_period_s: float
+    wave_share: float  #: Share of the command's variance at wave frequencies; NaN without waves.
+    wave_period_s: float  #: Of the waves; NaN without.
+    #: Whether the vehicle keeps its way along the axis: the mean thrust then tells the drag.
     under_way: bool = False
 
     @property
@@ -169,15 +151,7 @@ class Verdict:
 
 
 def judge(trials: Sequence[Trial], vehicle: Vehicle) -> dict[str, Verdict]:
-    """Verdict per axis on several trials, the worst first: the best trial decides for an axis.
-
-    Parameters
-    ----------
-    trials
-        Each on its uniform time base.
-    vehicle
-        Says which axis an actuator pushes, and with which sign.
-    """
+    """Verdict per axis on several trials, the worst axis first: the best trial decides for an axis."""
     return best([judge_trial(trial, vehicle) for trial in trials])
 
 
@@ -236,13 +210,10 @@ def judge_trial(trial: Trial, vehicle: Vehicle) -> dict[str, Verdict]:
 
 
 def blind(verdicts: Mapping[str, Verdict], *, waves: bool = False) -> str:
-    """Letters of the axes on which a replay of a trial's commands judges no model, for they answer waves.
-
-    In waves those that feedback dominates and those that are informative by less than `replayed_share`: a
-    gain can be found there, by a method that knows of the loop, and the true vehicle fails a replay. So it
-    does where a loop passes as open because it uses what was not logged. Sway and heave that no command
-    pushes ride on yaw and pitch, and are blind where these are. `waves`: whether they were found otherwise,
-    where the spectra show none.
+    """Letters of the axes on which a replay of a trial's commands judges no model, for they answer waves: the
+    true vehicle fails it where feedback dominates, where the log is informative by less than
+    `replayed_share`, and where a loop passes as open for it uses what was not logged. Sway and heave that no
+    command pushes ride on yaw and pitch. `waves`: whether they were found otherwise.
     """
     axes = {
         axis
@@ -256,12 +227,9 @@ def blind(verdicts: Mapping[str, Verdict], *, waves: bool = False) -> str:
 
 def untold(names: Iterable[str], verdicts: Mapping[str, Verdict], vehicle: Vehicle) -> dict[str, list[str]]:
     """By dominated axis: those of the named coefficients that only this axis and others like it could tell.
-
-    With a gain held at its true value the damping and lift of the axis come out wrong by factors all the
-    same, for the loop shapes the motion that would tell them. Drag along an axis on which the vehicle keeps
-    its way is told: the mean thrust, with the vehicle file's gain, balances it. It would tell the buoyancy
-    ``B``, too, but in waves that of two generated logs of an ROV was 2 N off, six of its standard deviations:
-    the hidden motion of heave through the water tells it, by Munk moments of roll and pitch.
+    Even with the true gain, damping and lift come out wrong by factors: the loop shapes the motion. Drag
+    along an axis on which the vehicle keeps its way is told by the mean thrust. ``B`` in waves is not: of two
+    generated logs of an ROV it was 2 N off, six of its deviations.
     """
     dominated = [axis for axis, verdict in verdicts.items() if verdict.dominated]
     actuators = {member: group for group, own in actuator_groups(vehicle).items() for member in own}
@@ -288,10 +256,8 @@ def untold(names: Iterable[str], verdicts: Mapping[str, Verdict], vehicle: Vehic
 
 
 def pushed_by(vehicle: Vehicle) -> dict[str, dict[str, float]]:
-    """By axis: actuators that push it and their force or moment per unit of command, N or N m.
-
-    Forces below a tenth of the actuator's largest count as none, moments with a lever below 3 cm too. A fin
-    serves by its moment: its side force drives a motion that waves and turns drive far more.
+    """By axis: actuators that push it and their force or moment per unit of command, N or N m. A fin counts
+    by its moment: waves and turns drive what its side force drives far more.
     """
     slopes: dict[str, dict[str, list[float]]] = {}
     facts = vehicle.actuator_info()

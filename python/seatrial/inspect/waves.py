@@ -39,32 +39,19 @@ _AXIS = dict(zip(_SEEN, "XYZKMNZKMN", strict=True))
 
 @dataclass(frozen=True)
 class WaveSettings:
-    """Thresholds from which an oscillation is taken for waves.
+    """Thresholds from which an oscillation is taken for waves."""
 
-    Attributes
-    ----------
-    line, line_in_all
-        Least prominence on the motion itself, of one or two translations and of all three. Set points and own
-        periods move the vehicle in one plane: a busy mission's heave reached 17 in calm water, the mean over
-        surge, sway and heave 4.
-    broad
-        Least prominence on what nothing explains; calm water and basins show at most 1.6.
-    false_alarm
-        Chance that the scatter of a smooth spectrum reaches the prominence anywhere.
-    share
-        Part of a channel's variance from which it shows the waves.
-    together
-        Coherence with a command from which that explains the oscillation.
-    shortest_s, fewest_periods
-        Least length of a recording, s, and in periods of the waves.
-    """
-
+    #: Least prominence on the motion itself, of one or two translations and of all three. Set points and own
+    #: periods move the vehicle in one plane: a busy mission's heave reached 17 in calm water, the mean over
+    #: surge, sway and heave 4.
     line: float = 20.0
     line_in_all: float = 8.0
-    broad: float = 2.0
+    broad: float = 2.0  #: Least prominence on what nothing explains; calm water and basins show at most 1.6.
+    #: Chance that the scatter of a smooth spectrum reaches the prominence anywhere.
     false_alarm: float = 1e-4
-    share: float = 0.02
-    together: float = 0.5
+    share: float = 0.02  #: Part of a channel's variance from which it shows the waves.
+    together: float = 0.5  #: Coherence with a command from which that explains the oscillation.
+    #: Least length of a recording, s, and in periods of the waves.
     shortest_s: float = 40.0
     fewest_periods: float = 10.0
     band: float = 1.35  #: Band around the peak, as a factor of its frequency.
@@ -89,28 +76,16 @@ BROAD = SETTINGS.broad
 
 @dataclass(frozen=True)
 class Waves:
-    """What waves do in a recording.
+    """What waves do in a recording."""
 
-    Attributes
-    ----------
-    period_s
-        Of the spectral peak, as the vehicle meets the waves.
-    line
-        Whether they are a line on the motion itself; otherwise a peak on what a crude regression on state and
-        commands leaves of it, which may be motion that it did not explain.
-    amplitude
-        By channel in SI: m/s, rad/s, m, rad; channels that show the peak.
-    share
-        By channel: part of its variance in the wave band.
-    decay_1_m
-        Rate at which the motion fades with depth, 1/m, and `decay_deviation_1_m`; NaN where the depth hardly
-        changed.
-    """
-
-    period_s: float
+    period_s: float  #: Of the spectral peak, as the vehicle meets the waves.
+    #: Whether they are a line on the motion itself; otherwise a peak on what a crude regression on state and
+    #: commands leaves of it, which may be motion that it did not explain.
     line: bool
-    amplitude: dict[str, float]
-    share: dict[str, float]
+    amplitude: dict[str, float]  #: By channel in SI: m/s, rad/s, m, rad; channels that show the peak.
+    share: dict[str, float]  #: By channel: part of its variance in the wave band.
+    #: Rate at which the motion fades with depth, 1/m, and `decay_deviation_1_m`; NaN where the depth hardly
+    #: changed.
     decay_1_m: float
     decay_deviation_1_m: float
 
@@ -162,9 +137,8 @@ def _unexplained_parts(
 
 
 def commanded(trial: Trial, swell: Waves, settings: WaveSettings = SETTINGS) -> bool:
-    """Whether a command goes together with the oscillation: coherence above a half at its frequency.
-
-    Then preset commands explain it; those of a closed loop may answer it.
+    """Whether a command goes together with the oscillation: preset ones explain it, a closed loop may answer
+    it.
     """
     from scipy.signal import coherence
 
@@ -236,11 +210,9 @@ def spectra(signals: Array, dt: float) -> Spectra:
 
 
 def unexplained(trial: Trial) -> tuple[str, Spectra] | None:
-    """Velocity channels of a trial, and the spectra of what nothing explains of them, SI; None without any.
-
-    Each derivative is regressed on all velocities, roll and pitch, commands and forces, then on products of
-    these with their own size, with surge and, as fins push, with its square, while the recording is long
-    enough for so many.
+    """Velocity channels and the spectra of what nothing explains of them, SI; None without any. Each
+    derivative is regressed on velocities, roll and pitch, commands and forces, then on their products with
+    their own size, with surge and its square, while the recording is long enough for so many.
     """
     from scipy.ndimage import gaussian_filter1d
 
@@ -277,12 +249,10 @@ def unexplained(trial: Trial) -> tuple[str, Spectra] | None:
 
 
 def peak(motion: Spectra, prominent: float, settings: WaveSettings = SETTINGS) -> float | None:
-    """Frequency of the waves in spectra of velocities, Hz; None where no peak is so prominent.
-
-    The prominence is the geometric mean over the channels. It must also be more than the scatter of smooth
-    spectra reaches once in ten thousand recordings: the logarithm of a mean over m independent powers has the
-    variance of that of a chi-squared variable of 2 m degrees of freedom, the trigamma function of m. The
-    frequency is the centroid of the energy above the power law.
+    """Frequency of the waves in spectra of velocities, Hz, the centroid above the power law; None where the
+    geometric mean of the channels' prominence is too small, or may be scatter: the logarithm of a mean over m
+    independent powers has the variance of that of a chi-squared variable of 2 m degrees of freedom, the
+    trigamma function of m.
     """
     from scipy.special import polygamma
     from scipy.stats import norm

@@ -85,28 +85,15 @@ _COUPLED = {
 
 @dataclass(frozen=True)
 class Wiring(Plain):
-    """Actuators whose effect contradicts the vehicle file.
+    """Actuators whose effect contradicts the vehicle file."""
 
-    Attributes
-    ----------
-    reversed
-        Actuators that act against their sign.
-    exchanged
-        Pairs that act in one another's place.
-    evidence
-        Log-likelihood by which the motion prefers this to the vehicle file.
-    explained
-        By axis the share of its motion beyond damping that the commands explain as the file has them, and
-        with the change.
-    closed
-        Whether commands follow measurements.
-    """
-
-    reversed: tuple[str, ...]
-    exchanged: tuple[tuple[str, str], ...]
-    evidence: float
+    reversed: tuple[str, ...]  #: Actuators that act against their sign.
+    exchanged: tuple[tuple[str, str], ...]  #: Pairs that act in one another's place.
+    evidence: float  #: Log-likelihood by which the motion prefers this to the vehicle file.
+    #: By axis the share of its motion beyond damping that the commands explain as the file has them, and with
+    #: the change.
     explained: dict[str, tuple[float, float]]
-    closed: bool
+    closed: bool  #: Whether commands follow measurements.
 
     @property
     def actuators(self) -> tuple[str, ...]:
@@ -120,9 +107,7 @@ class Wiring(Plain):
 
 def wiring(trial: Trial, vehicle: Vehicle, *, loops: Sequence[Feedback] | None = None) -> Wiring | None:
     """Reversed and exchanged actuators of a trial; None where nothing clearly contradicts the vehicle file.
-
-    An actuator without a command stands still; `loops` say which commands follow measurements, where it is
-    known.
+    An actuator without a command stands still; `loops`: which commands follow measurements, if known.
     """
     names = [
         name for name in vehicle.actuators if name in trial.commands and np.ptp(trial.commands[name]) > 0.0
@@ -149,9 +134,8 @@ def wiring(trial: Trial, vehicle: Vehicle, *, loops: Sequence[Feedback] | None =
 
 
 def each_wrench(vehicle: Vehicle, trial: Trial, *, measured: bool = False) -> Array:
-    """Wrench of every actuator by itself (n, actuators, 6): one gain at a time not zero.
-
-    Of thrusters without inflow, the vehicle held; of fins, which lift under way, at the trial's rms speed.
+    """Wrench of every actuator by itself (n, actuators, 6), N and N m: of thrusters with the vehicle held, of
+    fins at the trial's rms speed.
     """
     from seatrial._core import State, simulate_batch
 

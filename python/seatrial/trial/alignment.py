@@ -94,10 +94,9 @@ def align(
     names: Sequence[str] = ("velocity", "rates"),
 ) -> dict[str, Signal]:
     """The same signals with clearly opposite signs reversed and trusted latencies removed, all reported.
-
-    `sources` is the column map, from which the report quotes the entry with the right sign; without `remove`
-    latencies stay. `names` are the sensors to look at. What is `given` wins: signs and delays that are given
-    stay, and all of them where nothing is to be corrected automatically.
+    `sources`: the column map, to quote the entry with the right sign; without `remove` latencies stay.
+    `names`: sensors to look at. Signs and delays that are `given` stay, and all where nothing is corrected
+    automatically.
     """
     aligned = dict(signals)
     given = given or Corrections()
@@ -300,10 +299,8 @@ def _correct_signs(
     *,
     fixed: Collection[str] = (),
 ) -> Signal:
-    """The sensor with channels that run against the pose reversed; others that do not follow it are named.
-
-    A channel of the velocity that a lever arm explains better than a sign stays; the `fixed` channels stay
-    too, and are named. What is reversed is reversed in `compared`, too.
+    """The sensor with channels that run against the pose reversed, in `compared`, too; others that do not
+    follow it are named. What a lever arm explains better than a sign stays, and the `fixed` channels.
     """
     signs = np.ones(len(sensor.channels))
     y, known = compared.shown(compared.rough)
@@ -344,10 +341,8 @@ _SI = {"velocity": "m/s", "rates": "rad/s"}
 def _report_scale(
     sensor: Signal, compared: _Compared, report: RecordingReport, sources: Mapping[str, Source]
 ) -> None:
-    """Warn of a sensor that is larger or smaller than the pose's motion, with the unit that would explain it.
-
-    The scale is that of the root mean squares of both about their means, over the channels that follow the
-    pose: latency does not change it.
+    """Warn of a sensor larger or smaller than the pose's motion, with the unit that would explain it, by the
+    root mean squares about the means over the channels that follow the pose: latency does not change it.
     """
     y, known = compared.shown(0.0)
     use = compared.known & known
@@ -375,10 +370,8 @@ def _say_scale(
     report: RecordingReport,
     sources: Mapping[str, Source],
 ) -> None:
-    """Say of the channels that follow a motion how much larger they are, and whose unit is to be checked.
-
-    `shown` and `moved` are the root mean squares of the channels and of what the recorded pose, or the depth,
-    does, in m/s or rad/s.
+    """Say how much larger channels are than the motion that they follow, and whose unit is to be checked.
+    `shown` and `moved`: root mean squares of the channels and of pose or depth, m/s or rad/s.
     """
     scale = shown / max(moved, 1e-300)
     # Which of the two has a size that no vehicle has, has the wrong unit.
@@ -423,9 +416,8 @@ def _say_scale(
 def _report_scale_of_depth(
     signals: Mapping[str, Signal], report: RecordingReport, sources: Mapping[str, Source]
 ) -> None:
-    """Warn of a velocity that the rate of depth contradicts, where no position at a useful rate tells more.
-
-    The rate of depth is the third row of R times the velocity (Fossen 2011, equation 2.40).
+    """Warn of a velocity that the rate of depth, the third row of R times it (Fossen 2011, equation 2.40),
+    contradicts, where no position at a useful rate tells more.
     """
     depth = next((signals[name] for name in ("depth", "position") if name in signals), None)
     if depth is None or "z" not in depth.channels or "attitude" not in signals:
@@ -462,9 +454,8 @@ def _size_of_unit(unit: str | None, group: Group) -> float:
 def _same_signs(
     water: Signal, recorded: Signal, corrected: Signal, report: RecordingReport, sources: Mapping[str, Source]
 ) -> Signal:
-    """Velocity through the water with the channels reversed that ran as reversed ones over ground did.
-
-    One instrument has one sense; a single reversed velocity would make a current of twice the speed.
+    """Velocity through the water with the channels reversed that ran as reversed ones over ground did: one
+    instrument has one sense, and a single reversed velocity would make a current of twice the speed.
     """
     signs = np.ones(len(water.channels))
     over, valid = linear(recorded, water.t)
@@ -482,9 +473,8 @@ def _same_signs(
 
 
 def _on_an_arm(channel: str, measured: Array, reference: Array, rates: Array) -> bool:
-    """Whether ``v + omega x r`` with some r explains a velocity channel (m,) better than a reversed sign.
-
-    `rates` (m, 3) are those of the pose. In a turn the sway of O and that of the bow are opposite.
+    """Whether ``v + omega x r`` with some r explains a velocity channel (m,) better than a reversed sign: in
+    a turn the sway of O and that of the bow are opposite. `rates` (m, 3): of the pose.
     """
     i = "uvw".index(channel)
     others = rates[:, [j for j in range(3) if j != i]]

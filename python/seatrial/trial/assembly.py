@@ -89,9 +89,7 @@ def _add_current(
     parts: dict[str, object], t: Array, ground: Mask, water: Mask, report: RecordingReport
 ) -> None:
     """Fill ``parts["current"]`` from the velocities over ground and through water, in place, and report it.
-
-    ``parts`` are arrays of a trial: ``nu`` (n, 6), ``water`` (n, 3), ``attitude`` (n, 4); `ground` and
-    `water` (n,) say where either velocity is valid.
+    `ground` and `water` (n,) say where either velocity is valid.
     """
     nu, through, attitude = (np.asarray(parts[name]) for name in ("nu", "water", "attitude"))
     derived = water_current(t, nu[:, :3] - through, attitude, ground & water)
@@ -110,8 +108,6 @@ def water_current(t: Array, difference: Array, attitude: Array, known: Mask) -> 
     `t` (n,) are uniform times, s, `attitude` (n, 4) quaternions from body to NED; `known` (n,) says where the
     difference may be used.
 
-    Examples
-    --------
     >>> t = np.arange(0.0, 100.0, 0.1)
     >>> upright = np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1))
     >>> found = water_current(t, np.tile([0.2, -0.1, 0.0], (len(t), 1)), upright, t >= 0.0)
@@ -267,9 +263,8 @@ def _derive(
     t: Array,
     report: RecordingReport,
 ) -> None:
-    """Fill velocities and rates that no sensor gave from the derivative of the smoothed pose, in place.
-
-    `turned` (n,): where the whole recorded attitude is known.
+    """Fill velocities and rates that no sensor gave from the smoothed pose, in place. `turned` (n,): where
+    the whole recorded attitude is known.
     """
     from scipy.ndimage import minimum_filter1d
 
@@ -302,9 +297,8 @@ def _derive(
 
 
 def _only_fixes(signals: Mapping[str, Signal], valid: Mask, report: RecordingReport) -> None:
-    """Mask a horizontal position that is known in less than half of the record, in place.
-
-    Segments start where their position is known: with fixes at the surface alone none could start below.
+    """Mask a horizontal position that is known in less than half of the record, in place: segments start
+    where it is known, and with fixes at the surface alone none could start below.
     """
     position = signals.get("position")
     if position is None or "z" in position.channels:
@@ -423,10 +417,8 @@ def _wrench(signals: Mapping[str, Signal], t: Array) -> Array | None:
 
 
 def smooth(y: Array, valid: Mask) -> Array:
-    """Smoothed columns, shape (n, k), of uniform samples `y` (n, k) of one smoothness, `valid` (n,).
-
-    Columns are one vector (a velocity, a quaternion): they get the same low-pass, scaled by their common
-    noise.
+    """Smoothed columns (n, k) of uniform samples of one vector (a velocity, a quaternion), `valid` (n,): all
+    get the same low-pass, scaled by their common noise.
     """
     from scipy.linalg import solveh_banded
 

@@ -117,10 +117,8 @@ def as_convention(q: Array, convention: AttitudeConvention) -> Array:
 
 
 def attitude_convention(channels: Channels, *, quaternion: bool = True) -> AttitudeConvention | None:
-    """The convention that an attitude has if it is not the one read; None where it is, or none is told.
-
-    Only three recorded angles are a rotation of which this can be asked; of angles that are no `quaternion`
-    only the frame.
+    """The convention that an attitude of three angles has if it is not the one read; None where it is, or
+    none is told. Of angles that are no `quaternion` only the frame is asked.
     """
     if not set(_ANGLES) <= set(channels.curves):
         return None
@@ -206,9 +204,8 @@ class _Told:
 
 
 def _conventions(*, several: bool, quaternion: bool) -> Iterator[AttitudeConvention]:
-    """Every convention, the one read first; `several`: more than one axis moves.
-
-    A yaw alone is reversed by its inverse and by a frame with z up alike, and by the sign of a gyro.
+    """Every convention, the one read first. Of a single axis (not `several`) only the place of the scalar: a
+    yaw is reversed by inverse, frame with z up and the sign of a gyro alike.
     """
     for last in (False, True) if quaternion else (False,):
         for inverse in (False, True) if several and quaternion else (False,):
@@ -302,9 +299,7 @@ def level(
     signals: Mapping[str, Signal], report: RecordingReport, *, remove: bool = True
 ) -> dict[str, Signal]:
     """The same signals with position and attitude in a frame whose z is gravity, where the tilt is certain.
-
-    Body velocities and rates do not depend on it. Without a whole position the attitude is taken for that of
-    an inertial sensor, which knows gravity.
+    Without a whole position the attitude is taken for that of an inertial sensor, which knows gravity.
     """
     levelled = dict(signals)
     if "attitude" not in signals or "position" not in signals or len(signals["position"].channels) < 3:

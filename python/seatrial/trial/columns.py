@@ -111,10 +111,9 @@ def parse(
     file: str,
     units: Mapping[str, str] | None = None,
 ) -> dict[str, Source]:
-    """Source of every canonical column of the recording `file`, from the map and its `present` columns.
-
-    A column that is called as a canonical one but for its unit (``roll_rad``, ``cmd.fin_deg``) is read in it.
-    A unit that the recording states for a column (`units`) counts where the map gives none.
+    """Source of every canonical column of the recording `file`, from the map and its `present` columns. A
+    name that is canonical but for its unit (``roll_rad``) is read in it. `units`: those that the recording
+    states count where the map gives none.
     """
     sources: dict[str, Source] = {}
     for canonical, given in (columns or {}).items():
@@ -171,8 +170,6 @@ def _in_other_units(present: Sequence[str], file: str) -> dict[str, tuple[str, s
 def columns_of(columns: Mapping[str, Any] | None) -> list[str]:
     """Columns of the recording that a column map names; what is wrong with the map is said by `parse`.
 
-    Examples
-    --------
     >>> columns_of({"t_s": "Time", "u_m_s": {"from": "speed", "unit": "km/h"}})
     ['Time', 'speed']
     """
@@ -195,8 +192,6 @@ def check_canonical(name: str, file: str) -> None:
 def mapped(canonical: str, given: Any, present: Sequence[str], file: str) -> Source:
     """Source of a canonical column from its entry in a column map, which the recording must have.
 
-    Examples
-    --------
     >>> mapped("u_m_s", {"from": "speed", "unit": "cm/s"}, ["speed"], "log.csv").unit
     'cm/s'
     """
@@ -256,10 +251,7 @@ _NO_SAMPLE_WORDS = (
 
 
 def numbers(column: pl.Series, canonical: str, file: str) -> Array:
-    """Cells of a column as numbers, shape (m,); empty cells are NaN.
-
-    `canonical` and `file`: its canonical name and the recording, for messages.
-    """
+    """Cells of a column as numbers (m,), NaN where empty. `canonical` and `file` are for messages."""
     import polars as pl
 
     where = f'{file}: {canonical} (column "{column.name}")'
@@ -355,8 +347,6 @@ class Stick:
     def value(self, y: Array) -> Array:
         """Deflection of samples (n,), -1 to 1.
 
-        Examples
-        --------
         >>> Stick("RCIN.C4").value(np.array([1100.0, 1500.0, 1700.0, 2000.0])).tolist()
         [-1.0, 0.0, 0.5, 1.0]
         """
@@ -460,11 +450,8 @@ class Mixer:
     def mixed(
         self, table: pl.DataFrame, file: str, given: Mapping[str, object] | None = None
     ) -> pl.DataFrame:
-        """Table of a log with the commands, the wrench and the voltage as canonical columns.
-
-        `table`: with the columns of the sticks. A row without a sample of any of its sticks has none of an
-        output. `file`: what to call the log in messages. `given`: column map, which may not give the same
-        columns.
+        """Table of the log `file` with commands, wrench and voltage as canonical columns, which its column
+        map `given` may not give, too. A row without a sample of any stick of an output has none of it.
         """
         import polars as pl
 

@@ -84,8 +84,6 @@ class Corrections:
 def merged(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
     """The tables of a campaign and of one of its trials as one; what the trial gives wins.
 
-    Examples
-    --------
     >>> merged({"signs": {"p": -1}, "heading_deg": 3.0}, {"signs": {"q": -1}})
     {'signs': {'p': -1, 'q': -1}, 'heading_deg': 3.0}
     """
@@ -100,8 +98,6 @@ def merged(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
 def parse_corrections(given: Mapping[str, Any] | None, where: str) -> Corrections:
     """Corrections from their table.
 
-    Examples
-    --------
     >>> parse_corrections({"delay_s": {"velocity": 0.24}}, "log.csv: corrections").delay
     {'velocity': 0.24}
     """

@@ -133,9 +133,8 @@ def _repeats(y: Array) -> Mask:
 
 
 def _silent(measured: list[Signal], repeated: Mapping[str, Mask], report: RecordingReport) -> dict[str, Mask]:
-    """Rows by signal in which a logger repeated its last row: no sensor has a new sample, then all jump.
-
-    One frozen sensor is its own defect; if all that share their stamps freeze together, the log has a gap.
+    """Rows by signal in which a logger repeated its last row, and behind which all sensors jump: the log has
+    a gap. One frozen sensor is its own defect.
     """
     several = [s for s in measured if sum(np.array_equal(s.t, other.t) for other in measured) > 1]
     if len(several) < 2 or any(not np.array_equal(s.t, several[0].t) for s in several):
@@ -187,10 +186,8 @@ def _wide(signal: Signal, y: Array) -> float:
 
 
 def _corrections(steps: Array, wide: float) -> float:
-    """Size up to which a sensor's steps (m, k) may be corrections of its filter; zero if it makes none.
-
-    Corrections recur and stay, and are small beside the motion `wide` of the record; the steps to a wrong
-    solution and back from it cancel.
+    """Size up to which a sensor's steps (m, k) may be corrections of its filter, which recur, stay and are
+    small beside the motion `wide`; zero if it makes none. Steps to a wrong solution and back cancel.
     """
     size = np.nan_to_num(np.linalg.norm(steps, axis=1))
     moved = size[size > 0.0]
@@ -213,10 +210,8 @@ def _corrections(steps: Array, wide: float) -> float:
 
 
 def _frozen(signal: Signal, repeated: Mask, at_rest: Mask, report: RecordingReport) -> Mask:
-    """Samples that repeat the one before although the vehicle moves: a jump ends them or noise ceases.
-
-    A sensor has noise if its channels never repeat one without the other, as rounded or simulated ones do.
-    While every sensor repeats, or from the first sample on, the vehicle is at rest in a record without noise.
+    """Samples that repeat the one before although the vehicle moves: a jump ends them or noise ceases. While
+    every sensor repeats, or from the first sample on, the vehicle is at rest in a record without noise.
     """
     result = np.zeros(len(repeated), bool)
     pauses = list(runs(repeated))
@@ -262,9 +257,8 @@ def _extent(deviation: Array, at: int) -> tuple[int, int]:
 
 
 def _alone(y: Array, deviation: Array, at: int) -> bool:
-    """Whether few samples around sample `at` stand out of their neighbourhood, or change, as it does.
-
-    A vehicle that moves fast moves before or after it too: inertia spreads a motion over several samples.
+    """Whether few samples around sample `at` stand out or change as it does: inertia spreads a motion over
+    several samples.
     """
     first, last = max(at - _SPIKE.neighbours, 0), at + _SPIKE.neighbours + 1
     outstanding = int(np.sum(deviation[first:last] > _SPIKE.moves * deviation[at]))
@@ -273,9 +267,8 @@ def _alone(y: Array, deviation: Array, at: int) -> bool:
 
 
 def _between_jumps(signal: Signal, speedometer: Signal | None, report: RecordingReport) -> Mask:
-    """Samples of a pose between two jumps that follow each other closely, and those beside a single jump.
-
-    A jump is faster than ordinary motion and than the velocity or rate sensor says, where there is one.
+    """Samples of a pose between two jumps that follow each other closely, and beside a single jump: faster
+    than ordinary motion and than the velocity or rate sensor says, where there is one.
     """
     good = np.flatnonzero(signal.good)
     result = np.zeros(len(signal.t), bool)
@@ -325,10 +318,8 @@ def _between_jumps(signal: Signal, speedometer: Signal | None, report: Recording
 
 
 def _wrong(steps: Array, jump: NDArray[np.intp], place: int, t: Array, wide: float) -> bool:
-    """Whether the pose between jumps `place` - 1 and `place` is a wrong solution: jumps beside it cancel.
-
-    Several wrong solutions may follow one another, each less than `longest_wrong_fix_s` long. Jumps as
-    wide as much of the whole record's motion are no corrections, whatever they lead to.
+    """Whether the pose between jumps `place` - 1 and `place` is a wrong solution, alone or of several in a
+    row: jumps beside it cancel, or are as wide as much of the record's motion, which no correction is.
     """
     size = np.linalg.norm(steps[jump], axis=1)
     if size[place - 1 : place + 1].max() > _CORRECTION.small * wide:
@@ -358,9 +349,8 @@ def _speed_near(speedometer: Signal | None, t: Array) -> Array:
 
 
 def _speed(signals: Mapping[str, Signal], name: str) -> tuple[Array, Array] | None:
-    """Times (m,) and speeds (m, 3) that the pose shows for a velocity or rate sensor; None without a pose.
-
-    Body rates by axis; of a position, whose axes are not the body's, the change of its speed counts for each.
+    """Times (m,) and speeds (m, 3) that the pose shows for a velocity or rate sensor: body rates by axis; of
+    a position, whose axes are not the body's, its speed for each. None without a pose.
     """
     pose = signals.get("attitude" if name == "rates" else "position")
     if pose is None or np.count_nonzero(pose.good) < _SPIKE.window:
@@ -378,7 +368,6 @@ def _speed(signals: Mapping[str, Signal], name: str) -> tuple[Array, Array] | No
 
 def _spikes(signal: Signal, shown: tuple[Array, Array] | None, report: RecordingReport) -> Mask:
     """Up to three samples in a row of a channel that stand alone, far out of their neighbourhood, (m, k).
-
     `shown`: times and speeds of the same motion by another sensor; what it shows too is no spike.
     """
     from scipy.ndimage import maximum_filter1d
@@ -435,12 +424,9 @@ def _report_constant(signal: Signal, report: RecordingReport) -> None:
 
 
 def stuck(angles: Mapping[str, Array]) -> dict[str, float]:
-    """Angles in rad that never change while another one does, and their values; zeros are none.
+    """Angles in rad that never change while another one does, and their values; zeros, as of an angle that
+    was not recorded, are none.
 
-    An angle that was not recorded, or that a simulation without noise keeps, is often written as zero.
-
-    Examples
-    --------
     >>> stuck({"roll": np.zeros(9), "pitch": np.full(9, 0.1), "yaw": np.arange(9.0)})
     {'pitch': 0.1}
     """
@@ -463,10 +449,8 @@ def report_height(signals: Mapping[str, Signal], report: RecordingReport) -> Non
 
 
 def _possible_pulses(signals: Mapping[str, Signal], report: RecordingReport) -> dict[str, Signal]:
-    """Commands in pulse widths whose impossible samples, as of a flipped bit, hold the one before instead.
-
-    Revolutions may lie in the range of pulse widths for long. Every other sample must be a pulse width or
-    zero (off), and a damaged one stands alone.
+    """Commands in pulse widths whose impossible samples, as of a flipped bit, hold the one before.
+    Revolutions may lie in that range for long: all others must be pulse widths or zero, a damaged one alone.
     """
     mended = {}
     for name, signal in signals.items():

@@ -50,8 +50,6 @@ _EARTH, _BODY = "earth", "vehicle"
 def unit_of(column: str) -> str:
     """Unit that the end of a column's name says; "" for none, as of a command.
 
-    Examples
-    --------
     >>> unit_of("u_m_s"), unit_of("cmd.rudder")
     ('m/s', '')
     """
@@ -61,14 +59,10 @@ def unit_of(column: str) -> str:
 
 
 def export(table: pl.DataFrame, path: str | Path, *, units: Mapping[str, str] | None = None) -> None:
-    """Write a table of a trial or a flight to a .mcap, .csv or .parquet file.
+    """Write a table of a trial or a flight, with a column ``t_s``, to a .mcap, .csv or .parquet file.
+    `units`: unit by column instead of that in its name, ``{"u_m_s": "knot"}`` makes ``u [knot]``; not for
+    MCAP.
 
-    `table`: `Trial.table`, or ``Flight.table()``: a column ``t_s`` in s and others named with their units.
-    `path`: its ending decides the format. `units`: unit by column, instead of that in its name: ``{"u_m_s":
-    "knot"}`` becomes a column ``u [knot]``. Not for MCAP, whose columns keep their names.
-
-    Examples
-    --------
     >>> import seatrial as st
     >>> t = np.arange(0.0, 2.0, 0.1)
     >>> trial = st.Trial.read({"t_s": t, "u_m_s": t})
@@ -165,9 +159,8 @@ def _rows(table: pl.DataFrame, names: list[str]) -> Iterator[Any]:
 
 
 def _pose(table: pl.DataFrame) -> tuple[Array, Array] | None:
-    """Positions (n, 3) east, north, up and quaternions (n, 4) w x y z of forward-left-up in it; NaN unknown.
-
-    A position that is not recorded is zero, an angle as well; None where neither is there.
+    """Positions (n, 3) east, north, up and quaternions (n, 4) of forward-left-up in it, NaN unknown; what is
+    not recorded is zero. None where neither position nor angles are there.
     """
     from seatrial.trial.columns import GROUPS
 

@@ -342,9 +342,8 @@ def files_of(path: str | Path) -> tuple[Path, ...]:
 
 
 def motion_table(run: Run, commands: Mapping[str, Array], every: int = 1) -> pl.DataFrame:
-    """Table of a run with canonical columns, the commands and the actuators behind their motors.
-
-    Every so-many-th row of the run stands in it; `commands` (n,) are of the rows that do.
+    """Canonical table of every so-many-th row of a run with the actuators behind their motors; `commands`
+    (n,) are of the rows that stand in it.
     """
     import polars as pl
 

@@ -192,9 +192,8 @@ def band(y: Array, good: Mask, grid: Grid, *, cut: bool = True) -> Array:
 
 
 def _smooth(y: Array, width: float) -> Array:
-    """Columns of (n, k) under a Gaussian of a standard deviation in samples, the ends held beyond the ends.
-
-    By Fourier transforms of blocks: ten seconds at 50 Hz are a kernel of 4,001 samples.
+    """Columns of (n, k) under a Gaussian of a deviation in samples, the ends held, by Fourier transforms of
+    blocks: ten seconds at 50 Hz are a kernel of 4,001 samples.
     """
     from scipy.signal import oaconvolve
 
@@ -221,10 +220,9 @@ def lagged(reference: Array, shown: Array, step: float, most: float) -> tuple[fl
 
 
 def alone(reference: Array, shown: Array, step: float, delay: float, most: float) -> float | None:
-    """Another delay in s at which `shown` (n, k) may as well follow `reference` (n, k); None without one.
-
-    Both are bands of equal axes and signs. The products at the best delay and at the best other one are
-    summed over blocks of time: the first is taken if their difference is clearly above zero.
+    """Another delay in s at which `shown` (n, k) may as well follow `reference` (n, k), bands of equal axes
+    and signs; None where the products at the best delay are clearly larger, by blocks of time, than at any
+    other.
     """
     from scipy.fft import irfft, next_fast_len, rfft
 
@@ -253,8 +251,6 @@ def alone(reference: Array, shown: Array, step: float, delay: float, most: float
 def at_end(delay: float, most: float, step: float) -> bool:
     """Whether a delay lies at the end of its search range, so that it tells only where the search ended.
 
-    Examples
-    --------
     >>> at_end(0.99, 1.0, 0.05), at_end(0.3, 1.0, 0.05)
     (True, False)
     """
@@ -270,10 +266,8 @@ def shifted(delay: float, step: float, n: int) -> tuple[slice, slice]:
 def follows(
     motion: Array, k: int, shown: Array, good: Mask, *, step: float, kind: str, lag: float
 ) -> Follows:
-    """How a channel `shown` (n,) follows axis `k` of a motion (n, j) beside its other axes.
-
-    Both are changes about slow offsets (`band` without `cut`), `lag` s apart and brought together; `kind` is
-    the sensor, as in `LEAST_MOTION`. Outliers of either side count little or not at all.
+    """How a channel `shown` (n,) follows axis `k` of a motion (n, j) beside its other axes. Both are changes
+    about slow offsets (`band` without `cut`), `lag` s apart and brought together. Outliers count little.
     """
     # Of what is parallel to the other axes to rounding, nothing is left: columns in units of their size.
     size = np.sqrt(np.mean(motion[good] ** 2, axis=0)) if good.any() else np.zeros(motion.shape[1])
@@ -312,12 +306,10 @@ def follows(
 
 
 def _believed(x: Array, y: Array) -> Array:
-    """Weight (n,) of each sample in the regression of `y` (n,) on `x` (n, j).
-
-    Wrong solutions of a positioning system move the regression however large its residuals are there, and a
-    vehicle that rests most of the time moves in samples that look like them. Both starts are tried, with all
-    samples and without the large ones; residuals beyond some deviations end without weight (biweight, Beaton
-    and Tukey 1974), and the start is taken that leaves less of most samples.
+    """Weight (n,) of each sample in the regression of `y` (n,) on `x` (n, j). Wrong solutions of a
+    positioning system bend it however large their residuals are, and a vehicle that rests mostly moves in
+    samples that look like them: the better of two starts is taken, with all samples and without the large
+    ones; far residuals end without weight (biweight, Beaton and Tukey 1974).
     """
     usual = np.quantile(np.abs(np.column_stack([x, y])), 0.75, axis=0)
     small = np.logical_and.reduce(
@@ -352,13 +344,10 @@ def assigned(
     kind: str,
     beside: Array | None = None,
 ) -> Assignment | None:
-    """Assignment of the recorded channels `names` with values `shown` (n, k) to those of `reference` (n, k).
-
-    None where they share too little to tell a delay. `kind` is the sensor; `beside` (n, j) are axes of the
-    motion that none of its channels shows and that may leak into them.
-
-    An axis that moves and that its channel does not follow is given another channel or sign where all such
-    axes are explained by it at once: an exchange that leaves one of them unexplained is none.
+    """Assignment of the recorded channels `names`, `shown` (n, k), to those of `reference` (n, k); None where
+    they share too little to tell a delay. An exchange or sign is believed where all axes that move and that
+    their channels do not follow are explained at once. `beside` (n, j): axes of the motion that none of the
+    channels shows and that may leak into them.
     """
     a, b = band(reference, good, grid), band(shown, good, grid)
     delay, rho = lagged(a, b, grid.step, most)
@@ -438,9 +427,8 @@ def _size(a: Array, b: Array, axes: Sequence[int], order: Sequence[int]) -> floa
 
 
 def rivals(a: Array, b: Array, step: float, most: float) -> tuple[float, float]:
-    """Largest correlations with either sign, at any delay: of the reversed and of the recorded channel.
-
-    A motion of one period is its own opposite half a period later.
+    """Largest correlations at any delay of the reversed and of the recorded channel: a motion of one period
+    is its own opposite half a period later.
     """
     from scipy.fft import irfft, next_fast_len, rfft
 
@@ -455,8 +443,6 @@ def rivals(a: Array, b: Array, step: float, most: float) -> tuple[float, float]:
 def unit_of(ratio: float, kind: str) -> tuple[str, float] | None:
     """Unit and its size in SI that explain a size of `ratio` times the reference; None near one or unknown.
 
-    Examples
-    --------
     >>> unit_of(985.0, "velocity"), unit_of(1.1, "velocity")
     (('mm/s', 0.001), None)
     """
@@ -472,12 +458,8 @@ def unit_of(ratio: float, kind: str) -> tuple[str, float] | None:
 
 def implausible_side(shown: float, moved: float, kind: str) -> str:
     """Which of a sensor's motion and the pose's no vehicle can have: "sensor", "reference", "both" or "".
+    `shown` and `moved`: root mean squares, rad/s or m/s; `kind`: a key of `LEAST_MOTION`.
 
-    `shown` and `moved` are root mean squares of what the sensor shows and of what the pose, or the depth,
-    does, rad/s or m/s; `kind` is a key of `LEAST_MOTION`.
-
-    Examples
-    --------
     >>> implausible_side(0.14, 1e-6, "velocity"), implausible_side(140.0, 0.14, "velocity")
     ('reference', 'sensor')
     """
@@ -488,8 +470,6 @@ def implausible_side(shown: float, moved: float, kind: str) -> str:
 def pressure_of(ratio: float) -> str | None:
     """Unit of pressure that, read as pascal, makes a depth `ratio` times too small; None for no such unit.
 
-    Examples
-    --------
     >>> pressure_of(1.02e5)
     'bar'
     """

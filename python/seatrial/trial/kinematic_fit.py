@@ -88,13 +88,8 @@ def fitted(
     starts: Sequence[Mapping[str, float]] = ({},),
 ) -> Fit | None:
     """Fit of the parameters that are certain and reduce the residual; None if too little can be compared.
-
-    A parameter that changes nothing, as a delay does where a sensor never moves, is left out.
-
-    `residual`: residuals (n, k) and where they may be used (n,) for given values; absent parameters are zero.
-    `parameters`: candidates. `grid`: times of the residuals. `starts`: values to begin with, the likeliest
-    first; what is absent is zero. A later one counts if it leads to a clearly smaller residual: one of many
-    minima of noise is no finding.
+    `residual`: (n, k) and where it may be used (n,) for given values, absent ones zero. `starts`: the
+    likeliest first; a later one counts if it leads to a clearly smaller residual, for noise has many minima.
     """
     bare = _without_nuisances(residual, parameters)
     values = dict.fromkeys((parameter.name for parameter in parameters), 0.0)
@@ -391,10 +386,8 @@ class _Problem:
         return values, self.linear(values, active).covariance(range(len(active)), np.zeros(len(active)))
 
     def drawn(self, values: dict[str, float], active: Sequence[Parameter]) -> tuple[dict[str, float], Array]:
-        """Values and covariance of the active parameters; delays and factors by drawing blocks of time.
-
-        Noise makes the curvature over a delay uncertain, and with it a deviation that rests on it, and makes
-        a factor of the noisy channel too small.
+        """Values and covariance of the active parameters; of delays and factors by drawing blocks of time:
+        noise makes the curvature over a delay uncertain, and a factor of the noisy channel too small.
         """
         values, covariance = self.spread(dict(values), active)
         for k, parameter in enumerate(active):
@@ -411,10 +404,9 @@ class _Problem:
         return values, covariance
 
     def _resampled(self, values: Mapping[str, float], parameter: Parameter, sd: float) -> tuple[float, float]:
-        """A parameter and its deviation by drawing blocks of time with replacement (Künsch 1989).
-
-        The cost is that of the residual without its memory, or of the residual itself, whichever tells more:
-        noise of a sensor is no memory, and taking it out would weigh what the motion does not have.
+        """A parameter and its deviation by drawing blocks of time with replacement (Künsch 1989). The cost is
+        that of the residual with or without its memory, whichever tells more: noise is no memory, and taking
+        it out would weigh what the motion does not have.
         """
         reach = float(np.clip(5.0 * sd, 4.0 * parameter.step, SETTINGS.drawn_reach))
         places = values[parameter.name] + np.linspace(-reach, reach, 2 * SETTINGS.drawn_places + 1)

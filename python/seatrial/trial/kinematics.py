@@ -73,10 +73,9 @@ class Grid:
         return float(self.t[1] - self.t[0])
 
     def low(self, y: Array, *, differenced: bool = False) -> Array:
-        """The low-passed values (n, ...); `differenced`: they are means over two intervals already.
-
-        Such a mean has the variance of a box two intervals wide, a third of the interval's square, by which
-        the Gaussian is narrower then, so that both sides of a comparison are low-passed alike.
+        """The low-passed values (n, ...). Where they are `differenced`, means over two intervals already
+        (variance a third of the interval's square), the Gaussian is narrower by that, so that both sides are
+        filtered alike.
         """
         from scipy.ndimage import gaussian_filter1d
 
@@ -224,10 +223,8 @@ def differences(y: Array, grid: Grid) -> Array:
 
 
 def rotation_rates(q: Array, grid: Grid) -> Array:
-    """Body rates (n, 3) in rad/s of attitudes (n, 4) on the grid: turns over two intervals, not low-passed.
-
-    Turns of whole intervals add up whatever their size, so that their low-pass is that of the true rates; the
-    derivative of a low-passed attitude is not, once it turns far within the width of the low-pass.
+    """Body rates (n, 3) in rad/s of attitudes (n, 4) on the grid, not low-passed: turns of whole intervals
+    add up whatever their size; the derivative of a low-passed attitude does not follow fast turns.
     """
     between = product(conjugate(q[:-1]), q[1:])
     between = between * np.where(between[:, :1] < 0.0, -1.0, 1.0)

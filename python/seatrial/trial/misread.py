@@ -290,9 +290,8 @@ def _turns(channel: _Channel) -> list[int]:
 
 
 def _sharpest(total: Array, at: int) -> int:
-    """Sample near `at` that best parts large steps from small ones: least scatter of their logarithms.
-
-    ``total`` (n,): cumulated logarithms of the steps.
+    """Sample near `at` that best parts large steps from small ones, by the scatter of their logarithms;
+    ``total`` (n,) is their cumulated sum.
     """
     last = len(total) - 1
     low, high = max(at - SETTINGS.scale_samples // 4, 2), min(at + SETTINGS.scale_samples // 4, last - 1)
@@ -397,13 +396,10 @@ class Sentinel:
 
 
 def sentinels(y: Array, *, jumps: bool = False) -> list[Sentinel]:
-    """Numbers of a column that stand for no sample, in the order of their number.
+    """Numbers of a column that stand for no sample, in the order of their number. Cells (m,) are as recorded,
+    NaN where there is none. `jumps`: whether the column jumps and returns by itself, as commands and angles
+    do.
 
-    Cells (m,) are as recorded, in the recording's unit; NaN where there is none. `jumps`: whether the column
-    may jump and return by itself, as commands and angles do.
-
-    Examples
-    --------
     >>> y = 15.0 + np.sin(np.arange(50.0))
     >>> y[[7, 30, 31]] = -9999.0
     >>> [(one.value, one.count) for one in sentinels(y)]

@@ -71,11 +71,9 @@ class RawTable(NamedTuple):
 
 
 def read_table(source: Any, reader: str | Reader | None = None, columns: Iterable[str] = ()) -> RawTable:
-    """Table of a recording, its name and the units that it states.
-
-    `source`: path of a file, a polars or pandas frame, or a table that was read already. `reader`: name of a
-    reader in `FORMATS`, or a function from a path to a table; by the file's ending when omitted. `columns`:
-    columns that will be used: of a log with topics no others are read.
+    """Table of a recording (a path, a polars or pandas frame, or a table that was read), its name and the
+    units that it states. `reader`: a name in `FORMATS` or a function from path to table; by the file's ending
+    when omitted. `columns`: of a log with topics no others are read.
     """
     if isinstance(source, RawTable):
         return source
@@ -169,10 +167,9 @@ def _read_csv(path: Path) -> RawTable:
 
 
 def _cells_of_csv(path: Path, layout: Layout | None) -> pl.DataFrame:
-    """Table of numbers and text, named by its row of names; an empty cell is null, a decimal comma a point.
-
-    Columns whose first rows are numbers are read as numbers, which takes a quarter of the memory of text.
-    Where a later cell is none, every cell is read as text, so that the column map can name its row and value.
+    """Table of numbers and text, named by its row of names; an empty cell is null. Columns whose first rows
+    are numbers are read as numbers, a quarter of the memory of text; where a later cell is none, all are
+    text, so that the column map can name its row and value.
     """
     import polars as pl
 
@@ -252,9 +249,8 @@ def _plain(layout: Layout) -> bool:
 
 
 def _read_log(path: Path, reader: str, columns: Sequence[str]) -> pl.DataFrame:
-    """Table of a log's fields ``topic.field``.
-
-    ``topic.field/other`` is divided by another field of the topic, as an increment is by its time.
+    """Table of a log's fields ``topic.field``; ``topic.field/other`` is divided by another field of the
+    topic.
     """
     from seatrial.logs.join import join
 

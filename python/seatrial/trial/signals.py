@@ -297,11 +297,9 @@ def uniform(t: Array, rate_hz: float | None, file: str = "recording") -> Array:
 
 
 def held(signal: Signal, t: Array) -> Array:
-    """Means of a command over the steps that begin at the uniform times `t`, shape (n, k).
-
-    A command acts from its stamp until the next one; before the first, the first acts. The simulation holds
-    one value over a step: with the mean of the step every command acts at its own stamp. The value in force
-    at the beginning of the step would come late by up to a step, by half of one on average.
+    """Means of a command over the steps that begin at the uniform times `t`, shape (n, k); before the first
+    stamp the first acts. With the mean of a step, which the simulation holds, every command acts at its own
+    stamp; the value at the step's beginning would come late by half a step on average.
     """
     step = (t[-1] - t[0]) / (len(t) - 1) if len(t) > 1 else 1.0
     # Stamps that are those of the base but for rounding are the base's; seconds since 1970 are coarse.
@@ -325,10 +323,8 @@ def held(signal: Signal, t: Array) -> Array:
 
 
 def silences(t: Array, y: Array, base: Array) -> list[tuple[float, float]]:
-    """Spans (start, end) in s of the time base `base` (n,), s, in which a stream of commands is unknown.
-
-    A stream (m, k) with stamps `t` (m,), s, of a fixed rate that falls silent is unknown there; one that is
-    logged when it changes, or now and then, holds until the next sample.
+    """Spans (start, end) in s of `base` (n,) in which a stream (m, k) of commands of a fixed rate fell silent
+    and is unknown. A stream that is logged when it changes, or now and then, holds until the next sample.
     """
     if len(t) < RESAMPLING_SETTINGS.fewest_commands:
         return []
@@ -379,9 +375,8 @@ def _attitude(signal: Signal, t: Array) -> tuple[Array, Mask]:
 
 
 def angles(signal: Signal, t: Array) -> tuple[Array, Mask]:
-    """Attitude (n, 4) at the times `t` and which of roll, pitch and yaw (n, 3) are valid.
-
-    Other than by `linear`, an angle that is missing for a while leaves the others valid.
+    """Attitude (n, 4) at the times `t` and which of roll, pitch and yaw (n, 3) are valid: other than by
+    `linear`, an angle that is missing for a while leaves the others valid.
     """
     if signal.unknown is None:
         q, valid = linear(signal, t)
@@ -412,10 +407,8 @@ _MOVING = ("rates", "attitude", "velocity", "position", "depth", "water velocity
 
 
 def common(t: Array, signals: Mapping[str, Signal], rate_hz: float | None, report: RecordingReport) -> Array:
-    """Uniform times (n,), s, from the first row on, at `rate_hz`, or else at a rate that suits the signals.
-
-    Where a sensor has samples in nearly every row `t` it is the rate of the rows; where the rows are stamps
-    of several sensors it is that of the fastest one that shows the motion, to three digits.
+    """Uniform times (n,), s, at `rate_hz`, else at the rate of the rows `t` where a sensor has samples in
+    nearly all of them, else at that of the fastest one that shows the motion, to three digits.
     """
     able = [signal for signal in signals.values() if len(signal.t) >= RESAMPLING_SETTINGS.fewest_samples]
     moving = [signal for signal in able if signal.name in _MOVING] or able
@@ -436,9 +429,8 @@ def common(t: Array, signals: Mapping[str, Signal], rate_hz: float | None, repor
 def evenly_stamped(
     signals: Mapping[str, Signal], t: Array, report: RecordingReport
 ) -> tuple[dict[str, Signal], Array]:
-    """Signals whose stamps came in bursts with the samples of each burst spread, and the times of the rows.
-
-    Rows (n,) that are the stamps of one sensor are spread with it.
+    """Signals whose stamps came in bursts with the samples of each burst spread, and the times of the rows
+    (n,), spread with the sensor whose stamps they are.
     """
     result = dict(signals)
     spreads: dict[bytes, Spread | None] = {}
@@ -461,10 +453,8 @@ def evenly_stamped(
 
 
 def instruments(group: str, present: Mask) -> dict[str, list[int]]:
-    """Components of a group's columns by the name of their signal; `present` (n, k): cells with a sample.
-
-    They are one signal, but for a position whose depth has other stamps than north and east. A component
-    without any sample belongs to none.
+    """Components of a group's columns with any sample by the name of their signal: one, but for a position
+    whose depth has other stamps than north and east. `present` (n, k): cells with a sample.
     """
     used = [k for k in range(present.shape[1]) if present[:, k].any()]
     level, depth = [k for k in used if k < 2], [k for k in used if k == 2]
@@ -475,9 +465,7 @@ def instruments(group: str, present: Mask) -> dict[str, list[int]]:
 
 def together(t: Array, y: Array, present: Mask, *, period: float | None = None) -> tuple[Array, Array] | None:
     """Times (m,) and components (m, k) at the stamps of the busiest one; None if they share their stamps.
-
-    `present` says which cells (n, k) hold a sample; NaN is a sample without a number. An angle with a
-    `period` goes the shorter way round.
+    `present` (n, k): cells with a sample. An angle with a `period` goes the shorter way round.
     """
     if _one_sensor(present):
         return None
@@ -506,11 +494,9 @@ def _one_sensor(present: Mask) -> bool:
 def own_samples(
     by_name: Mapping[str, Signal], base: Array | None = None, silent: Mask | None = None
 ) -> dict[str, tuple[Array, Array]]:
-    """Good samples of each channel at the stamps of its sensor: times in s and values in SI (m,).
-
-    A sensor whose stamps are those of the time base `base` (n,) has no others than the base: it is left out,
-    for a second copy of a long log would take as much memory as the trial. Samples next to those of the base
-    at which the command is unknown (`silent`, (n,)) are left out.
+    """Good samples of each channel at the stamps of its sensor: times in s and values in SI (m,). A sensor
+    with the stamps of the `base` (n,) has no others and is left out, to save memory; so are samples next to
+    those of the base at which the command is unknown, `silent` (n,).
     """
     samples: dict[str, tuple[Array, Array]] = {}
     for name in ("position", "depth", "velocity", "rates"):
@@ -532,11 +518,8 @@ def own_samples(
 
 
 def most_moving(samples: Mapping[str, tuple[Array, Array]], most: int) -> dict[str, tuple[Array, Array]]:
-    """The samples of the stretch of time in which the channels move most, `most` of each at the most.
-
-    Times in s and values (m,) by channel. A channel's motion is its standard deviation within each of
-    `motion_blocks` equal parts of the record, as a share of their sum, so that every channel counts alike. A
-    record that is short enough stays as it is.
+    """At the most `most` samples of each channel, of the stretch of time in which they move most: by the
+    standard deviations within `motion_blocks` equal parts as shares of their sum. A short record stays whole.
     """
     longest = max((len(t) for t, _ in samples.values()), default=0)
     if longest <= most:

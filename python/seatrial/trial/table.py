@@ -347,11 +347,9 @@ def _spoken(table: pl.DataFrame, sources: Mapping[str, Source], file: str) -> Ma
 def _fresh_rows(
     table: pl.DataFrame, t: Array, sources: Mapping[str, Source], file: str, report: RecordingReport
 ) -> dict[str, Mask]:
-    """By group the rows (n,) with a new sample, where a logger writes a row for each sensor that spoke.
-
-    Such a row repeats the last samples of all other sensors, and the rows are a time base that none of them
-    has. One sensor that is new in every row, or changes at odd times as a rounded depth does, shows that the
-    rows are samples: then nothing is left out.
+    """By group the rows (n,) with a new sample, where a logger writes a row for each sensor that spoke and
+    repeats the others' last samples in it. One sensor that is new in every row, or changes at odd times as a
+    rounded depth does, shows that the rows are samples: then nothing is left out.
     """
     result: dict[str, Mask] = {}
     for group in GROUPS:
@@ -376,11 +374,9 @@ def _fresh_rows(
 
 
 def _sampled(column: pl.Series, y: Array, spoken: Mask) -> Mask:
-    """Cells (n,) that hold a sample, with a number or without.
-
-    An empty cell holds none. NaN is a sample without a number, as a drop-out is, unless nearly every number
-    has NaN behind it in rows in which some sensor has `spoken` (n,): then the rows are those of several
-    sensors, put together with NaN where one has none.
+    """Cells (n,) that hold a sample, with a number or without. NaN is one, as a drop-out is, unless nearly
+    every number has NaN behind it in rows in which some sensor has `spoken` (n,): rows of several sensors,
+    put together.
     """
     given = np.asarray(column.is_not_null().to_numpy())
     numbers = np.isfinite(y)

@@ -301,9 +301,8 @@ class Sailed:
 
 
 def read_dither(path: Path, vehicle: Vehicle, where: str) -> dict[str, Array]:
-    """Dither from its table: ``times`` (s,) in s, and by actuator what is added to its command, in its unit.
-
-    The columns are ``t_s`` and ``dither.ACTUATOR``, as `seatrial plan` writes them.
+    """Dither from a table of ``t_s`` and ``dither.ACTUATOR``, as `seatrial plan` writes it: ``times``, s, and
+    by actuator what is added to its command, in its unit.
     """
     import polars as pl
 
