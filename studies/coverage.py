@@ -30,7 +30,8 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.campaign.campaign import Campaign
-from seatrial.diagnosis.identifiability import IDENTIFIABILITY_SETTINGS, judge
+from seatrial.diagnosis.identifiability import SETTINGS as IDENTIFIABILITY_SETTINGS
+from seatrial.diagnosis.identifiability import judge
 from seatrial.diagnosis.residual_analysis import analyse_joint
 from seatrial.estimation.estimator import Polished
 from seatrial.estimation.gauss_newton import GaussNewton

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from seatrial.diagnosis.identifiability import IDENTIFIABILITY_SETTINGS, Identifiability, judge, weak_groups
+from seatrial.diagnosis.identifiability import SETTINGS as IDENTIFIABILITY_SETTINGS
+from seatrial.diagnosis.identifiability import Identifiability, judge, weak_groups
 from seatrial.diagnosis.roles import role
 from seatrial.statistics.information import covariance, eliminate, singular
 from seatrial.statistics.linearisation import Linearisation, Piece, Unknown

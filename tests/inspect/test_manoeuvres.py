@@ -117,8 +117,8 @@ def test_a_free_decay_of_roll_is_named() -> None:
 
 
 def test_manoeuvres_are_counted_in_words() -> None:
-    one = Manoeuvre("step", "thruster_1", 0.0, 1.0, 1.0, "us", "")
-    two = Manoeuvre("step", "X", 0.0, 1.0, 1.0, "N", "")
-    three = Manoeuvre("straight run", "X", 0.0, 1.0, 1.0, "m/s", "")
+    one = Manoeuvre("step", "thruster_1", 0.0, 1.0, 1.0, "us")
+    two = Manoeuvre("step", "X", 0.0, 1.0, 1.0, "N")
+    three = Manoeuvre("straight run", "X", 0.0, 1.0, 1.0, "m/s")
     assert counted([one, one, two, three]) == "1 step of X, 2 steps of single actuators, 1 straight run"
     assert counted([]) == ""

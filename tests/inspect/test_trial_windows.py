@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 import seatrial as st
+from seatrial.inspect.kind_of_data import windows
 from seatrial.inspect.manoeuvres import manoeuvres
-from seatrial.inspect.trial_windows import windows
 
 T = np.arange(0.0, 400.0, 0.1)
 

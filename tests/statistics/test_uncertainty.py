@@ -12,7 +12,7 @@ import pytest
 
 from seatrial.base.errors import CampaignError
 from seatrial.base.run import to_json
-from seatrial.diagnosis.resampling import bootstrap, profile
+from seatrial.diagnosis.assessment import bootstrap, profile
 from seatrial.statistics.blocks import autocorrelation, block_length, blocks
 from seatrial.statistics.information import information_criteria
 from seatrial.statistics.linearisation import CONTRADICTED, Linearisation

@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 import seatrial as st
-from seatrial.trial.generated import SimulatedTrial
+from seatrial.trial.simulation import SimulatedTrial
 
 
 def _run(vehicle: str, depth_m: float, **commands: float) -> SimulatedTrial:

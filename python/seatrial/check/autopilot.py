@@ -188,13 +188,8 @@ def check_autopilot(
 
 def _gains(facts: AutopilotFacts) -> list[GainRow]:
     """Gains that are not zero at every breakpoint."""
-    rows = []
-    for loop in facts.loops:
-        for gain in _GAINS:
-            values = tuple(map(float, facts.at_points(loop, gain)))
-            if any(values):
-                rows.append(GainRow(loop, gain, values))
-    return rows
+    values = {(loop, gain): facts.at_points(loop, gain) for loop in facts.loops for gain in _GAINS}
+    return [GainRow(*of, tuple(map(float, row))) for of, row in values.items() if any(row)]
 
 
 def _by_itself(autopilot: Autopilot, facts: AutopilotFacts) -> list[Finding]:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from seatrial.base.errors import SeatrialError
+from seatrial.base.finding import Finding, Severity
 from seatrial.base.plain import Plain
-from seatrial.base.report import Reported, sentence_of
+from seatrial.base.report import Reported, writer_of
 from seatrial.inspect.consistency import Proposal, consistency_of_recording, proposals
-from seatrial.inspect.corrections import NO_MOTION
 from seatrial.inspect.kind_of_data import KindOfData, kind_of_data
 from seatrial.intake.imported import clocks_proposed
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from seatrial.estimation.inputs import InputJudgement
     from seatrial.estimation.scale import ScaleReport
     from seatrial.inspect.corrections import Consistency
+    from seatrial.problem.problem import Problem
     from seatrial.trial.signals import RecordingReport
 
 
@@ -36,27 +37,38 @@ class StageOutline:
 
 
 @dataclass(frozen=True, repr=False)
-class CampaignCheck(Reported, Plain, without="reports kinds", also="trials=reports kind_of_data=kinds"):
-    """Recording reports by trial, stages in the order of their run, and what stops the campaign.
-
-    ``inputs`` and ``scale`` say what the inputs can tell and what the scale of all forces rests on; None
-    where a problem is found before. ``warnings`` is what an identification says before its first search,
-    ``kinds`` by trial what kind of data it is, ``data`` the same in sentences, ``consistency`` by trial
-    whether its channels tell one motion, ``proposals`` what of it to paste into the campaign.
-    """
+class CampaignCheck(
+    Reported,
+    Plain,
+    without="reports kinds prepared weak unsplit",
+    also="warnings data trials=reports kind_of_data=kinds",
+):
+    """A campaign before it runs: recordings, stages in the order of their run, and what stops it."""
 
     name: str
     vehicle: str
-    reports: dict[str, RecordingReport]
+    reports: dict[str, RecordingReport]  #: By trial.
     stages: tuple[StageOutline, ...]
+    #: What the inputs can tell and what the scale of all forces rests on; None where a problem comes before.
     inputs: InputJudgement | None
     scale: ScaleReport | None
     problems: tuple[str, ...]
-    warnings: tuple[str, ...] = ()
-    kinds: Mapping[str, KindOfData] = field(default_factory=dict)
-    data: tuple[str, ...] = ()
-    consistency: Mapping[str, Consistency] = field(default_factory=dict)
-    proposals: tuple[Proposal, ...] = ()
+    prepared: tuple[str, ...] = ()  #: What an identification says before its first search.
+    kinds: Mapping[str, KindOfData] = field(default_factory=dict)  #: By trial.
+    consistency: Mapping[str, Consistency] = field(default_factory=dict)  #: By trial.
+    proposals: tuple[Proposal, ...] = ()  #: What of it to paste into the campaign.
+    weak: tuple[Finding, ...] = ()  #: Free axes that hardly move in the trials of their stage.
+    unsplit: tuple[str, ...] = ()  #: Trials that are fitted and hold nothing out.
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Channels that contradict one another, and `prepared`."""
+        return tuple(writer_of(self).warnings(self))
+
+    @property
+    def data(self) -> tuple[str, ...]:
+        """What kind of data the trials are, in sentences."""
+        return tuple(writer_of(self).data(self))
 
 
 def check_campaign(campaign: Campaign) -> CampaignCheck:
@@ -81,13 +93,13 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
             problems.append(str(error))
     stages: tuple[StageOutline, ...] = ()
     inputs, scale = None, None
-    warnings: tuple[str, ...] = ()
+    prepared: tuple[str, ...] = ()
     asked = campaign.problem()
     if not problems and asked.stages:
         try:
             inputs, scale = judge_inputs(asked), judge_scale(asked)
             ready = prepare(asked)
-            warnings = (*ready.sentences, *ready.no_joint)
+            prepared = (*ready.sentences, *ready.no_joint)
             stages = tuple(
                 StageOutline(
                     name=plan.stage.name,
@@ -110,11 +122,7 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
             if (recording := asked.recordings[name]) is not None:  # a trial that was given has none
                 consistency = consistency_of_recording(recording)
                 consistencies[name] = consistency.without_motion() if kinds[name].still else consistency
-    unlike = [
-        f"WARNING: trial {name}: {sentence}"
-        for name, consistency in consistencies.items()
-        for sentence in consistency.contradictions
-    ]
+    fitted = {name for stage in asked.stages for name in stage.trials}
     return CampaignCheck(
         campaign.name,
         campaign.vehicle.name,
@@ -123,32 +131,21 @@ def check_campaign(campaign: Campaign) -> CampaignCheck:
         inputs,
         scale,
         tuple(problems),
-        (*unlike, *warnings),
+        prepared,
         kinds,
-        _data(campaign, kinds) if kinds else (),
         consistencies,
         proposals(consistencies, reports, clocks_proposed(campaign.folder)),
+        tuple(_weak(asked, kinds)) if kinds else (),
+        tuple(n for n in kinds if n in fitted and not campaign.source_of(n).hold_out_s),
     )
 
 
-def _data(campaign: Campaign, kinds: Mapping[str, KindOfData]) -> tuple[str, ...]:
-    """What kind of data the trials are, the worst first; then hold-outs for trials that have none."""
-    stages = campaign.problem().stages
-    fitted = {name for stage in stages for name in stage.trials}
-    lines = [f"trial {name}: {sentence}" for name, kind in kinds.items() for sentence in kind.warnings]
-    for stage in stages:
+def _weak(asked: Problem, kinds: Mapping[str, KindOfData]) -> Iterator[Finding]:
+    """Free axes that hardly move in any trial of their stage."""
+    for stage in asked.stages:
         for axis in stage.axes.free:
-            seen = [
-                excited for name in stage.trials for excited in kinds[name].excitation if excited.axis == axis
-            ]
-            if seen and all(excited.weak for excited in seen):
-                most = max(seen, key=lambda excited: excited.over_noise)
-                lines.append(
-                    f"stage {stage.name}: {most.channel} hardly moves in {', '.join(stage.trials)}"
-                    f" ({most.over_noise:.1f} times its noise): record a manoeuvre, or leave axis {axis} out"
-                )
-    still = sentence_of(NO_MOTION, "consistency")
-    lines += [f"trial {name}: {still}" for name, kind in kinds.items() if kind.still]
-    lines += [f"trial {name}: {kind.done}" for name, kind in kinds.items()]
-    split = [name for name in kinds if not campaign.source_of(name).hold_out_s and name in fitted]
-    return (*lines, *(f"trial {name}: {kinds[name].windows.sentence}" for name in split))
+            seen = [moved for name in stage.trials for moved in kinds[name].excitation if moved.axis == axis]
+            if seen and all(moved.weak for moved in seen):
+                most = max(seen, key=lambda moved: moved.over_noise)
+                values = {"axis": axis, "trials": stage.trials, "most": most}
+                yield Finding("axis hardly moves", Severity.WEAKNESS, stage.name, values)

@@ -347,21 +347,9 @@ def _energy(vehicle: Vehicle, running: Sequence[float]) -> list[Finding]:
 
 def implausible(vehicle: Vehicle) -> list[Finding]:
     """Values that are probably wrong: units, signs, rows that no actuator commands."""
-    about = (
-        _density,
-        _size,
-        _inertia,
-        _triangle,
-        _signs,
-        _motors,
-        _ranges,
-        _thrust,
-        _strips,
-        _tether,
-        _positions,
-        _rows,
-    )
-    return [finding for of in about for finding in of(vehicle)]
+    hull = (_density, _size, _inertia, _triangle, _signs)
+    actuators = (_motors, _ranges, _thrust, _strips, _tether, _positions, _rows)
+    return [finding for doubts in (*hull, *actuators) for finding in doubts(vehicle)]
 
 
 def _density(vehicle: Vehicle) -> list[Finding]:

@@ -97,7 +97,7 @@ def simulate(
     from seatrial.cli.console import answer, print_json
     from seatrial.sensors.log import ON_THE_TETHER, at_sea
     from seatrial.sensors.sensor import load_sensors
-    from seatrial.trial.generated import SimulatedTrial
+    from seatrial.trial.simulation import SimulatedTrial
     from seatrial.trial.trial import Trial
 
     if commands is None:

@@ -9,21 +9,21 @@ from seatrial.base.front import front
 if TYPE_CHECKING:
     from seatrial.diagnosis.assessment import Assessment as Assessment
     from seatrial.diagnosis.assessment import assess as assess
+    from seatrial.diagnosis.assessment import bootstrap as bootstrap
     from seatrial.diagnosis.assessment import conditioning as conditioning
+    from seatrial.diagnosis.assessment import profile as profile
     from seatrial.diagnosis.identifiability import judge as judge
     from seatrial.diagnosis.identifiability import warnings_before as warnings_before
-    from seatrial.diagnosis.resampling import bootstrap as bootstrap
-    from seatrial.diagnosis.resampling import profile as profile
     from seatrial.diagnosis.residual_analysis import analyse_joint as analyse_joint
 
 _HOMES = {
     "Assessment": "assessment",
     "analyse_joint": "residual_analysis",
     "assess": "assessment",
-    "bootstrap": "resampling",
+    "bootstrap": "assessment",
     "conditioning": "assessment",
     "judge": "identifiability",
-    "profile": "resampling",
+    "profile": "assessment",
     "warnings_before": "identifiability",
 }
 

@@ -90,7 +90,7 @@ class IdentifiabilitySettings:
     widest: float = 1e3
 
 
-IDENTIFIABILITY_SETTINGS = IdentifiabilitySettings()
+SETTINGS = IdentifiabilitySettings()
 
 
 _FOLLOW = ("mass", "inertia", "added mass", "gravity", "buoyancy", "buoyancy centre", "bias")
@@ -123,7 +123,7 @@ def weak_groups(information: Array, roles: Sequence[Role], values: Array) -> tup
     while left:
         part, kinds = information[np.ix_(left, left)], [roles[i] for i in left]
         sd = np.sqrt(np.diag(covariance(part)))
-        if not (sd > IDENTIFIABILITY_SETTINGS.weak).any():
+        if not (sd > SETTINGS.weak).any():
             break
         single = _alone(part, sd)
         if len(single):
@@ -150,18 +150,13 @@ def _alone(information: Array, sd: Array) -> NDArray[np.intp]:
     """Places of what stays uncertain, or half as uncertain, with all others known."""
     own = np.diag(information)
     own_sd = np.where(own > 0, 1.0 / np.sqrt(np.where(own > 0, own, 1.0)), np.inf)
-    return np.flatnonzero((sd > IDENTIFIABILITY_SETTINGS.weak) & (own_sd >= _limit(sd)))
+    return np.flatnonzero((sd > SETTINGS.weak) & (own_sd >= _limit(sd)))
 
 
 def _limit(sd: Array) -> Array:
     """Standard deviation that a group must give a member: enough for its verdict, or half of its own."""
     return np.minimum(
-        np.where(
-            sd >= IDENTIFIABILITY_SETTINGS.absent,
-            IDENTIFIABILITY_SETTINGS.absent,
-            IDENTIFIABILITY_SETTINGS.weak,
-        ),
-        IDENTIFIABILITY_SETTINGS.group_share * sd,
+        np.where(sd >= SETTINGS.absent, SETTINGS.absent, SETTINGS.weak), SETTINGS.group_share * sd
     )
 
 
@@ -172,7 +167,7 @@ def _scale(information: Array, roles: Sequence[Role], values: Array) -> tuple[Gr
     """
     drives = [i for i, role in enumerate(roles) if role.kind in _DRIVE]
     drives = drives or [i for i, role in enumerate(roles) if role.kind in _UPRIGHT][:1]
-    best, most = None, IDENTIFIABILITY_SETTINGS.common_scale
+    best, most = None, SETTINGS.common_scale
     for drive in drives:
         follow = [i for i, role in enumerate(roles) if role.kind in _FOLLOW and i != drive]
         forced = [i for i, role in enumerate(roles) if i == drive or _takes_factor(role)]
@@ -182,17 +177,13 @@ def _scale(information: Array, roles: Sequence[Role], values: Array) -> tuple[Gr
         carried = [
             i
             for i in np.flatnonzero(chosen)
-            if i != at and _turned(misfit, chosen, int(i)) > IDENTIFIABILITY_SETTINGS.carried * least
+            if i != at and _turned(misfit, chosen, int(i)) > SETTINGS.carried * least
         ]
         step = np.zeros(len(roles))
         step[forced] = chosen * factor
         step[follow] = -regression(information, forced, follow) @ step[forced]
         drag = any(roles[forced[i]].kind in _DRAG for i in carried)
-        if (
-            not drag
-            or misfit[at, at] < most * least
-            or np.abs(step).max() <= IDENTIFIABILITY_SETTINGS.weak * np.sqrt(least)
-        ):
+        if not drag or misfit[at, at] < most * least or np.abs(step).max() <= SETTINGS.weak * np.sqrt(least):
             continue
         moved = [i for i in follow if step[i] ** 2 * information[i, i] > least]
         places = sorted([drive, *moved, *(forced[i] for i in carried)])
@@ -232,16 +223,16 @@ def _smallest(information: Array, sd: Array) -> tuple[int, ...]:
     """Places of the smallest group that explains why one of its members is uncertain."""
     size = np.sqrt(np.diag(information))
     unit, limit = information / np.outer(size, size), _limit(sd) * size
-    for count in range(2, min(IDENTIFIABILITY_SETTINGS.tried_members, len(sd)) + 1):
+    for count in range(2, min(SETTINGS.tried_members, len(sd)) + 1):
         groups = np.array(list(itertools.combinations(range(len(sd)), count)))
         blocks = unit[groups[:, :, None], groups[:, None, :]] + NULL * count * np.eye(count)
         own = np.sqrt(np.abs(np.diagonal(np.linalg.inv(blocks), axis1=1, axis2=2)))
-        over = np.where(sd[groups] > IDENTIFIABILITY_SETTINGS.weak, own / limit[groups], 0.0).max(axis=1)
+        over = np.where(sd[groups] > SETTINGS.weak, own / limit[groups], 0.0).max(axis=1)
         if over.max() >= 1.0:
             return tuple(int(i) for i in groups[int(over.argmax())])
     worst, inverse = int(sd.argmax()), covariance(information)
     order = sorted(range(len(sd)), key=lambda i: (i != worst, -abs(inverse[i, worst]) / sd[i]))
-    for count in range(IDENTIFIABILITY_SETTINGS.tried_members + 1, len(sd)):
+    for count in range(SETTINGS.tried_members + 1, len(sd)):
         part = order[:count]
         if covariance(information[np.ix_(part, part)])[0, 0] >= _limit(sd)[worst] ** 2:
             return tuple(sorted(part))
@@ -284,7 +275,7 @@ class Undetermined(Plain, without="values", also="sentence"):
     @property
     def finding(self) -> Finding:
         """As a finding, for `seatrial.report.results.diagnosis`."""
-        absent = self.kind != "small" and self.relative >= IDENTIFIABILITY_SETTINGS.absent
+        absent = self.kind != "small" and self.relative >= SETTINGS.absent
         severity = Severity.PROBLEM if absent else Severity.WEAKNESS
         return Finding(self.kind, severity, values={"names": self.names, **self.values})
 
@@ -305,18 +296,20 @@ def undetermined(
     natural = size / widening
     inside = [i for i, unknown in enumerate(lin.unknowns) if unknown.kind == "coefficient"]
     sized = information * np.outer(natural, natural)
+    # Groups that only together are weak, then what the memory of the residuals alone makes weak.
     groups = list(weak_groups(sized, [role(name) for name in names], lin.values[inside] / natural))
     grouped = {i for group in groups for i in group.places}
     groups += [
         Group("unexcited", (i,), relative[name])
         for i, name in enumerate(names)
-        if relative[name] > IDENTIFIABILITY_SETTINGS.weak and i not in grouped
+        if relative[name] > SETTINGS.weak and i not in grouped
     ]
     total = lin.information()
     weak: list[Undetermined] = []
     single: list[str] = []
     for group in groups:
         members = tuple(names[i] for i in group.places)
+        # A nuisance parameter that hides a group is its reason, whatever its kind.
         hidden = _hidden(lin, total, group, natural)
         if hidden:
             weak.append(Undetermined("nuisance", members, _capped(group.sd), {"nuisance": hidden}))
@@ -329,9 +322,7 @@ def undetermined(
         else:
             single += members
     blind = {
-        name
-        for name, value in zip(names, np.diag(sized), strict=True)
-        if value * IDENTIFIABILITY_SETTINGS.rounding**2 < 1.0
+        name for name, value in zip(names, np.diag(sized), strict=True) if value * SETTINGS.rounding**2 < 1.0
     }
     return (*_unexcited(lin, [name for name in names if name in single], blind, relative), *weak)
 
@@ -346,7 +337,7 @@ def _unexcited(
         single,
         moving=moving,
         silent=silent | {name for name in single if role(name).force in locked},
-        seen={name for name, value in relative.items() if value <= IDENTIFIABILITY_SETTINGS.weak},
+        seen={name for name, value in relative.items() if value <= SETTINGS.weak},
         pushed=lin.pushed,
         fins=lin.fins,
     )
@@ -368,10 +359,7 @@ def _hidden(lin: Linearisation, total: Array, group: Group, natural: Array) -> s
     remaining = eliminate(total, chosen, outside) * scale
     unknown = np.sqrt(np.diag(covariance(remaining)))
     worst = int(unknown.argmax())
-    if (
-        known.max() > IDENTIFIABILITY_SETTINGS.weak
-        or unknown[worst] < IDENTIFIABILITY_SETTINGS.hidden * known[worst]
-    ):
+    if known.max() > SETTINGS.weak or unknown[worst] < SETTINGS.hidden * known[worst]:
         return None
     _, directions = np.linalg.eigh(remaining)
     along = directions[:, 0] * sizes
@@ -386,14 +374,12 @@ def _moving(lin: Linearisation) -> set[str]:
     for piece in lin.pieces:
         rms = np.fmax(rms, np.sqrt(np.mean(piece.nu**2, axis=0)))
     return {
-        letter
-        for letter, value, still in zip(VELOCITIES, rms, IDENTIFIABILITY_SETTINGS.still, strict=True)
-        if value > still
+        letter for letter, value, still in zip(VELOCITIES, rms, SETTINGS.still, strict=True) if value > still
     }
 
 
 def _capped(sd: float) -> float:
-    return sd if sd <= IDENTIFIABILITY_SETTINGS.rounding else math.inf
+    return sd if sd <= SETTINGS.rounding else math.inf
 
 
 @dataclass(frozen=True)
@@ -472,13 +458,11 @@ def judge(lin: Linearisation, sigma: Mapping[str, float] | None = None) -> Ident
     sd = np.sqrt(np.diag(inverse))
     given = np.array([math.nan if sigma is None else sigma.get(name, math.nan) for name in names])
     known = np.isfinite(given) & np.isfinite(sd)
-    widening = (np.where(known, given, 1.0) / np.where(known, sd, 1.0)).clip(
-        1.0, IDENTIFIABILITY_SETTINGS.widest
-    )
+    widening = (np.where(known, given, 1.0) / np.where(known, sd, 1.0)).clip(1.0, SETTINGS.widest)
     relative = np.fmax(sd, given) / size
-    relative = np.where(relative > IDENTIFIABILITY_SETTINGS.rounding, np.inf, relative)
+    relative = np.where(relative > SETTINGS.rounding, np.inf, relative)
     # Start values before a search may be zero for want of anything better: of them this says nothing.
-    is_open = (np.fmax(sd, given) > IDENTIFIABILITY_SETTINGS.open * np.abs(values)) & (sigma is not None)
+    is_open = (np.fmax(sd, given) > SETTINGS.open * np.abs(values)) & (sigma is not None)
     factors = inflation(information, inverse)
     judged = tuple(
         Judgement(
@@ -524,7 +508,7 @@ def _small(lin: Linearisation, judged: Sequence[Judgement]) -> list[Undetermined
             {"judgement": row, "manoeuvre": manoeuvre(role(row.name, pushed=lin.pushed, fins=lin.fins))},
         )
         for row in judged
-        if row.verdict == "weak" and row.relative <= IDENTIFIABILITY_SETTINGS.weak
+        if row.verdict == "weak" and row.relative <= SETTINGS.weak
     ]
 
 
@@ -539,11 +523,11 @@ def warnings_before(lin: Linearisation) -> list[Finding]:
         for name, made in STRIPS.items()
         if name in names and (both := [member for member in made if member in names])
     ]
-    if identifiability.condition > IDENTIFIABILITY_SETTINGS.ill_conditioned:
+    if identifiability.condition > SETTINGS.ill_conditioned:
         spectrum = identifiability.singular_values
-        astray = spectrum * IDENTIFIABILITY_SETTINGS.ill_conditioned < spectrum[0]
+        astray = spectrum * SETTINGS.ill_conditioned < spectrum[0]
         component = np.abs(identifiability.vectors[astray]).max(axis=0)
-        along = [names[i] for i in np.flatnonzero(component > IDENTIFIABILITY_SETTINGS.named_component)]
+        along = [names[i] for i in np.flatnonzero(component > SETTINGS.named_component)]
         values = {"condition": identifiability.condition, "along": along}
         findings.append(Finding("ill-conditioned", Severity.WEAKNESS, values=values))
     return findings + [combination.finding for combination in identifiability.combinations]
@@ -556,14 +540,11 @@ def _sizes(unknowns: Sequence[Unknown], values: Array) -> tuple[Array, Array]:
     )
     width = np.where(bounded, [unknown.scale for unknown in unknowns], np.abs(values))
     width = np.where(width > 0, width, 1.0)
-    size = np.minimum(
-        np.maximum(np.abs(values), IDENTIFIABILITY_SETTINGS.small * width),
-        IDENTIFIABILITY_SETTINGS.uniform_sd * width,
-    )
+    size = np.minimum(np.maximum(np.abs(values), SETTINGS.small * width), SETTINGS.uniform_sd * width)
     return width, np.where(bounded, size, width)
 
 
 def _verdict(relative: float, *, is_open: bool) -> Literal["identifiable", "weak", "not identifiable"]:
-    if relative <= IDENTIFIABILITY_SETTINGS.weak:
+    if relative <= SETTINGS.weak:
         return "weak" if is_open else "identifiable"
-    return "weak" if relative < IDENTIFIABILITY_SETTINGS.absent else "not identifiable"
+    return "weak" if relative < SETTINGS.absent else "not identifiable"

@@ -108,6 +108,7 @@ def candidates(vehicle: Vehicle, estimated: Iterable[str], *, free: str) -> tupl
             continue
         if name.partition(".")[0] not in actuators or _OF_ONE.fullmatch(name):
             candidates.append(Candidate(name, (name,)))
+    # Of a group one candidate for all members: levers in proportion, delays whatever their values.
     for group, own_actuators in groups.items():
         of_first = [name.partition(".")[2] for name in known if name.startswith(f"{own_actuators[0]}.")]
         for suffix in of_first:

@@ -186,6 +186,7 @@ def followed_signals(
         like = next(alike, None)
         columns[channel] = _columns(lin, signals, place) if like is None else columns[like]
         tests[channel] = single_tests(lin, columns[channel], fitted=fitted, block=block, channel=place)
+    # The false discovery rate counts all columns of all channels; each leader then counts as fitted.
     count = sum(int(test.testable.sum()) for test in tests.values())
     power = _power(lin)
     estimated = {lin.unknowns[i].name for i in fitted}

@@ -19,30 +19,17 @@ from typing import NamedTuple
 from seatrial.base.channels import AXES, VELOCITIES
 from seatrial.problem.parameter import STRIPS, axes_of
 
-_PARTS = {
-    "gain": "thrust",
-    "p1_ahead": "thrust",
-    "p1_astern": "thrust",
-    "p2": "inflow",
-    "w": "inflow",
-    "t": "inflow",
-    "q1": "torque",
-    "q2": "torque",
-    "K_V": "motor",
-    "T_1": "motor",
-    "T_t": "motor",
-    "n_acc": "motor",
-    "n_dec": "motor",
-    "lever_K": "lever",
-    "lever_M": "lever",
-    "lever_N": "lever",
-    "astern_ratio": "ratio",
-    "loss": "wash",
-    "C_La": "fin",
-    "C_Lmax": "fin",
-    "C_D0": "fin",
-    "C_D90": "fin",
+_PARTS_OF = {
+    "thrust": "gain p1_ahead p1_astern",
+    "inflow": "p2 w t",
+    "torque": "q1 q2",
+    "motor": "K_V T_1 T_t n_acc n_dec",
+    "lever": "lever_K lever_M lever_N",
+    "ratio": "astern_ratio",
+    "wash": "loss",
+    "fin": "C_La C_Lmax C_D0 C_D90",
 }
+_PARTS = {part: kind for kind, parts in _PARTS_OF.items() for part in parts.split()}
 
 _DERIVATIVES = (
     (re.compile(r"([XYZKMN])_([uvwpqr])dot"), "added mass"),
@@ -133,14 +120,11 @@ _STATIC = {
 
 # Axis that a thruster has to push along for a motion; a torpedo makes it by rudder and planes under way.
 _PUSHED_BY = {
-    ("damping", "v"): "Y",
-    ("damping", "w"): "Z",
-    ("damping", "r"): "N",
-    ("acceleration", "v"): "Y",
-    ("acceleration", "w"): "Z",
-    ("acceleration", "r"): "N",
-    ("lift", "w"): "Z",
+    (kind, velocity): axis
+    for kind in ("damping", "acceleration")
+    for velocity, axis in (("v", "Y"), ("w", "Z"), ("r", "N"))
 }
+_PUSHED_BY["lift", "w"] = "Z"
 
 
 def manoeuvre(role: Role) -> Manoeuvre:

@@ -22,7 +22,8 @@ from seatrial.base.arrays import Array
 from seatrial.base.plain import Plain
 from seatrial.base.work import Step
 from seatrial.inspect.feedback import runs_away
-from seatrial.inspect.verdict import VERDICT_SETTINGS, Verdict, best
+from seatrial.inspect.verdict import SETTINGS as VERDICT_SETTINGS
+from seatrial.inspect.verdict import Verdict, best
 from seatrial.inspect.waves import waves
 from seatrial.problem.problem import Problem
 from seatrial.problem.settings import JointSettings

@@ -35,7 +35,8 @@ from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, DEGREE, MOTIONS, VELOCITIES
 from seatrial.base.errors import CampaignError
 from seatrial.base.plain import Plain
-from seatrial.inspect.verdict import VERDICT_SETTINGS, judge_trial, pushed_by
+from seatrial.inspect.verdict import SETTINGS as VERDICT_SETTINGS
+from seatrial.inspect.verdict import judge_trial, pushed_by
 from seatrial.trial.truth import DITHER
 from seatrial.vehicle.actuators import NOMINAL_V, voltage_for
 

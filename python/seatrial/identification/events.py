@@ -26,8 +26,8 @@ from scipy.stats import t as student
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, MOTIONS
 from seatrial.base.plain import Plain
-from seatrial.diagnosis.assessment import ASSESSMENT_SETTINGS
-from seatrial.diagnosis.identifiability import IDENTIFIABILITY_SETTINGS
+from seatrial.diagnosis.assessment import SETTINGS as ASSESSMENT_SETTINGS
+from seatrial.diagnosis.identifiability import SETTINGS as IDENTIFIABILITY_SETTINGS
 from seatrial.estimation.estimator import method_of
 from seatrial.estimation.event_fit import ANGLE_OF, SETTINGS, EventFit, EventWindows, estimate_on_events
 from seatrial.identification.choice import slender

@@ -84,6 +84,7 @@ def slow_current(channels: Channels) -> SlowCurrent | Finding:
         design[:, 0, 0] = design[:, 1, 1] = 1.0
         legs = _Legs(t, known, np.zeros(len(t), bool), measured, design, np.zeros((len(t), 2, 0)), False)
         return _told(legs, "velocity over ground less that through the water")
+    # Without it the hull is the instrument: where its propeller is held and it does not gain way.
     rate, course_rate = _rate(t, yaw, 0.5), _rate(t, yaw, SETTINGS.rate_smoothed_s)
     held, n, source = _held(channels, t)
     known &= held & ~_gains_way(np.hypot(ground[:, 0], ground[:, 1]), known, t)
@@ -94,6 +95,7 @@ def slow_current(channels: Channels) -> SlowCurrent | Finding:
         return _untold("one heading")
     design[:, 0, 0], design[:, 0, 1] = np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw)
     design[:, 1, 0], design[:, 1, 1] = -np.sin(yaw), np.cos(yaw)
+    # What the hull itself makes of its turns, at several lags: sway, and a loss of speed.
     turns = [_lagged(rate, lag, grid.step) for lag in SETTINGS.lags_s]
     slowed = [_lagged(rate**2, lag, grid.step) for lag in SETTINGS.lags_s]
     own = np.zeros((len(t), 2, 2 + 2 * len(SETTINGS.lags_s)))

@@ -143,6 +143,7 @@ def rates_found(channels: Channels) -> Found | None:
     before = _rms(residual({}))
     shown = grid.low(np.stack([channels.curves[n](grid.t) for n in names], axis=1))
     good = residual({})[1]
+    # Which channel shows which axis with which sign; rates that no channel shows may leak into it.
     unseen = [k for k, name in enumerate("pqr") if name not in names]
     assignment = assigned(
         names, residual.reference, shown, good, grid, reach, kind="rates", beside=residual.rates[:, unseen]
@@ -162,6 +163,7 @@ def rates_found(channels: Channels) -> Found | None:
                 "gyro", channels.clock("rates"), channels.clock("attitude"), (assignment.delay, twin)
             )
             return Found("rates", of, None, assignment, other_clock=True, sizes=(before, before), why=why)
+    # A ratio of sizes that a unit explains is one; what is left over is fitted as delay, biases and scales.
     units = {}
     if (unit := unit_of(assignment.ratio, "rates")) is not None:
         units["rates"] = unit
@@ -458,6 +460,7 @@ def force_found(channels: Channels, g: float = 9.81) -> Found | None:
     if grid is None:
         return None
     of = "specific force, and gravity and acceleration, m/s^2"
+    # At rest an accelerometer shows gravity turned upwards; under way the change of the velocity on top.
     expected = grid.low(-g * matrix(channels.rotation(grid.t))[:, 2, :])
     if moving:
         v = np.stack([channels.at(n, grid.t, {}) for n in "uvw"], axis=1)
@@ -472,6 +475,7 @@ def force_found(channels: Channels, g: float = 9.81) -> Found | None:
         return grid.low(shown) - expected, known
 
     before = _rms(residual({}))
+    # The median of the vertical component is gravity: its sign and size tell axes and unit.
     size = float(np.median(channels.curves["az"].values)) / -g
     units: dict[str, tuple[str, float]] = {}
     axes: dict[str, tuple[str, float]] = {}

@@ -44,7 +44,8 @@ from seatrial.base.arrays import runs
 from seatrial.base.plain import Plain
 from seatrial.vehicle.actuators import drivers
 
-_SEEN = ("yaw", "pitch", "roll", "z", "u", "v", "w", "p", "q", "r")
+SEEN = ("yaw", "pitch", "roll", "z", "u", "v", "w", "p", "q", "r")
+"""Channels that a command may follow."""
 
 
 @dataclass(frozen=True)
@@ -125,11 +126,7 @@ def explained(trial: Trial, command: Array, *, settings: FeedbackSettings = SETT
 def _judge(name: str, command: Array, trial: Trial, settings: FeedbackSettings) -> Feedback | None:
     stride = max(1, round(settings.mean_s / trial.dt))
     count = len(trial) // stride
-
-    def means(y: Array) -> Array:
-        return np.asarray(y[: count * stride].reshape(count, stride).mean(axis=1))
-
-    recorded = {c: y for c in _SEEN if (y := trial.filled(c)) is not None and y.std() > 0.0}
+    recorded = {c: y for c in SEEN if (y := trial.filled(c)) is not None and y.std() > 0.0}
     if not recorded or count < settings.fewest or np.ptp(command) == 0.0:
         return None
     good = np.logical_and.reduce([trial.valid[:, CHANNELS.index(c)] for c in recorded])
@@ -137,15 +134,16 @@ def _judge(name: str, command: Array, trial: Trial, settings: FeedbackSettings) 
     margin = settings.at_the_end * (high - low)
     free = good & (command > low + margin) & (command < high - margin)
     # A mean counts where most of its samples and of those before it do.
-    usable = np.convolve(means(free.astype(float)) < 0.5, np.ones(2), mode="full")[:count] == 0
+    usable = np.convolve(means(free.astype(float), stride) < 0.5, np.ones(2), mode="full")[:count] == 0
     usable[: max(settings.lags + 2, min(settings.settled, count // 10))] = False
-    y, seen = means(command), {c: means(m) for c, m in recorded.items()}
+    y, seen = means(command, stride), {c: means(m, stride) for c, m in recorded.items()}
     change = np.diff(y, prepend=y[0])
     if usable.sum() < settings.fewest or not change[usable].any():
         return Feedback(name, 0.0, "", math.nan, math.nan)
-    own = _past(change, settings.lags)
+    back = range(1, settings.lags + 1)
+    own = earlier(change, back)
     plain = _unpredicted([own], change, usable, settings)
-    past = {channel: _past(np.diff(m, prepend=m[0]), settings.lags) for channel, m in seen.items()}
+    past = {channel: earlier(np.diff(m, prepend=m[0]), back) for channel, m in seen.items()}
     if plain <= 0.0:
         return Feedback(name, 0.0, "", math.nan, math.nan)
     # All together foretell a loop over several channels; on a short log one alone is not lost among them.
@@ -161,9 +159,15 @@ def _judge(name: str, command: Array, trial: Trial, settings: FeedbackSettings) 
     return Feedback(name, part, best, gain, lag)
 
 
-def _past(y: Array, lags: int) -> Array:
-    """The `lags` samples before each, (n, k)."""
-    return np.column_stack([np.concatenate([np.zeros(k), y[: len(y) - k]]) for k in range(1, lags + 1)])
+def means(y: Array, stride: int) -> Array:
+    """Means of `stride` samples each."""
+    count = len(y) // stride
+    return np.asarray(y[: count * stride].reshape(count, stride).mean(axis=1))
+
+
+def earlier(y: Array, lags: range) -> Array:
+    """Earlier samples (n, k), zero before the first."""
+    return np.column_stack([np.concatenate([np.zeros(k), y[: len(y) - k]]) for k in lags])
 
 
 def _unpredicted(parts: list[Array], y: Array, usable: Mask, settings: FeedbackSettings) -> float:

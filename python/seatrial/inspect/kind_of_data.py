@@ -1,33 +1,47 @@
-"""What kind of data a trial is, in a few sentences, the worst first, and what it excites.
+"""What kind of data a trial is: what spoils it, what it excites, and which part of it to hold out.
 
 Contact, saturated commands, closed loops, waves, axes that hardly move, then what was done and what to hold
 out. The energy of each velocity is its spectrum (Welch 1967) summed over bands; its noise is the white part
 that third differences leave, ``var(d3) = 20 sigma^2`` (Garnier and Wang 2008, section 1.6). A command is
 saturated where it stays at its limit. A vehicle on a tether's end, the bottom or a wall is driven and does
 not move. Held by ``tests/inspect/test_kind_of_data.py`` and ``tests/inspect/test_excitation.py``.
+
+The held-out part is contiguous (samples near each other in time are alike: Bergmeir and Benitez 2012), a
+fifth to a third of the trial, lies where the log has samples, has every kind of manoeuvre that occurs more
+than once, leaves each of them in the fit, cuts few of them and is no easier than the rest. Both parts have
+commands that change. Held by ``tests/inspect/test_trial_windows.py``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from seatrial.base.arrays import Array, runs
-from seatrial.base.channels import AXES, CHANNELS, VELOCITIES, readable
+from seatrial.base.channels import AXES, VELOCITIES
 from seatrial.base.finding import Finding, Severity
-from seatrial.base.report import words_of
+from seatrial.base.plain import Plain, plain
+from seatrial.base.report import wording
 from seatrial.inspect.feedback import Feedback, feedback
-from seatrial.inspect.manoeuvres import Drive, Manoeuvre, counted, drives, manoeuvres
-from seatrial.inspect.trial_windows import TrialWindows, windows
+from seatrial.inspect.manoeuvres import Drive, Manoeuvre, drives, manoeuvres
 from seatrial.inspect.verdict import Verdict, judge_trial
 from seatrial.inspect.waves import Waves, commanded, waves
 from seatrial.inspect.wiring import Wiring, wiring
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
+    from seatrial.trial.trial import Trial
+from collections import Counter
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Literal
+
+from seatrial.base.arrays import Mask
+from seatrial.base.channels import CHANNELS
+
+if TYPE_CHECKING:
     from seatrial.trial.trial import Trial
 
 
@@ -69,15 +83,7 @@ class KindOfData:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What spoils the data, the worst first, with what to do about it."""
-        touching = [
-            f"{contact.sentence}. Leave this part out: split the trial or hold it out"
-            for contact in self.contacts
-        ]
-        problems = [*map(words_of, self.impossible), *touching]
-        dominated = [verdict.sentence for verdict in self.verdicts if verdict.dominated]
-        return tuple(
-            problems + dominated + _loops(self.loops) + _waves(self.waves) + _saturated(self.saturated)
-        )
+        return tuple(wording("kind_of_data").warnings(self))
 
     @property
     def weak(self) -> tuple[Excitation, ...]:
@@ -92,8 +98,7 @@ class KindOfData:
     @property
     def done(self) -> str:
         """What was done and what moved, in a sentence."""
-        moved = ", ".join(axis.channel for axis in self.excitation if not axis.weak)
-        return f"{counted(self.manoeuvres) or 'no manoeuvre found'}; {moved or 'nothing'} moved clearly"
+        return str(wording("kind_of_data").done(self))
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -112,16 +117,16 @@ class KindOfData:
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
         return {
-            "contacts": [asdict(part) for part in self.contacts],
-            "saturated": [asdict(part) for part in self.saturated],
-            "beyond": [asdict(part) for part in self.beyond],
-            "wiring": None if self.wiring is None else self.wiring.to_dict(),
-            "closed_loops": [asdict(part) for part in self.loops],
+            "contacts": plain(self.contacts),
+            "saturated": plain(self.saturated),
+            "beyond": plain(self.beyond),
+            "wiring": plain(self.wiring),
+            "closed_loops": plain(self.loops),
             "feedback": [asdict(part) | {"sentence": part.sentence} for part in self.verdicts],
-            "waves": None if self.waves is None else asdict(self.waves),
-            "excitation": [asdict(part) for part in self.excitation],
-            "manoeuvres": [asdict(part) for part in self.manoeuvres],
-            "windows": asdict(self.windows),
+            "waves": plain(self.waves),
+            "excitation": plain(self.excitation),
+            "manoeuvres": plain(self.manoeuvres),
+            "windows": self.windows.to_dict(),
             "sentences": list(self.sentences),
         }
 
@@ -147,46 +152,6 @@ def kind_of_data(trial: Trial, vehicle: Vehicle | None = None) -> KindOfData:
         windows=windows(trial, sequence),
         wiring=None if vehicle is None else wiring(trial, vehicle, loops=every),
     )
-
-
-def _loops(loops: tuple[Feedback, ...]) -> list[str]:
-    if not loops:
-        return []
-    follows = "; ".join(
-        f"{loop.command} follows {loop.channel} ({100.0 * loop.explained:.0f} % of its changes)"
-        for loop in sorted(loops, key=lambda loop: -loop.explained)
-    )
-    return [
-        f"recorded in closed loop: {follows}. A fit on such data may bias gains and damping, and its score"
-        " also rates the controller: add a trial with preset steps of these commands"
-    ]
-
-
-def _waves(swell: Waves | None) -> list[str]:
-    if swell is None:
-        return []
-    sizes = ", ".join(f"{c} {readable(c)[0] * a:.2g} {readable(c)[1]}" for c, a in swell.amplitude.items())
-    if not swell.line:
-        return [
-            f"motion about a period of {swell.period_s:.1f} s (amplitude {sizes}) that a crude regression on"
-            " state and commands leaves unexplained: perhaps waves, which a model takes for its own error,"
-            " perhaps motion that the vehicle's model explains. In calm water ignore it"
-        ]
-    return [
-        f"an oscillation with a period of {swell.period_s:.1f} s, as of waves (amplitude {sizes}), which"
-        " no command explains; the model takes it for its own error"
-    ]
-
-
-def _saturated(saturated: tuple[Saturation, ...]) -> list[str]:
-    if not saturated:
-        return []
-    parts = ", ".join(
-        f"{command.command} at {command.limit:g} in {100.0 * command.share:.0f} %" for command in saturated
-    )
-    return [
-        f"commands at their limits, where the loop is open and the motor tells no more: {parts} of the time"
-    ]
 
 
 BANDS_HZ = ((0.0, 0.05), (0.05, 0.2), (0.2, 1.0), (1.0, np.inf))
@@ -239,12 +204,7 @@ class Excitation:
     @property
     def sentence(self) -> str:
         """Size, noise and main band in words."""
-        factor, unit = readable(self.channel)
-        low, high = BANDS_HZ[int(np.argmax(self.shares))]
-        band = f"above {low:g} Hz" if np.isinf(high) else f"from {low:g} to {high:g} Hz"
-        noise = f"{self.over_noise:.0f} times its noise" if self.over_noise < 200.0 else "far above its noise"
-        share = f"{100.0 * max(self.shares):.0f} % of it {band}"
-        return f"{self.channel}: rms {factor * self.rms:.2g} {unit}, {noise}, {share}"
+        return str(wording("kind_of_data").excitation(self))
 
 
 @dataclass(frozen=True)
@@ -267,13 +227,18 @@ class Excess:
 
 
 @dataclass(frozen=True)
-class Contact:
+class Contact(Plain, without="values", also="sentence"):
     """A part of a recording in which an axis is driven and does not move, s."""
 
     axis: str
     start_s: float
     end_s: float
-    sentence: str
+    values: Mapping[str, Any]  #: Mean force or moment, its unit, and the depth where it is known.
+
+    @property
+    def sentence(self) -> str:
+        """Where it was pushed and did not move, and what may have held it."""
+        return str(wording("kind_of_data").contact(self))
 
 
 def excitation(trial: Trial) -> list[Excitation]:
@@ -380,7 +345,13 @@ def contacts(trial: Trial, driving: Sequence[Drive]) -> list[Contact]:
         still = pushed & (np.abs(along) < SETTINGS.still_share * usual)
         for start, stop in runs(still, 2):
             t, until = float(trial.t[start * size]), float(trial.t[min(stop * size, len(trial) - 1)])
-            spells.append(Contact(drive.axis, t, until, _words(trial, drive, force, start, stop, size)))
+            depth = trial.channel("z")[start * size : stop * size] if "z" in trial.channels else None
+            values = {
+                "mean": float(force[start:stop].mean()),
+                "unit": drive.unit,
+                "depth_m": None if depth is None or drive.axis != "Z" else float(np.median(depth)),
+            }
+            spells.append(Contact(drive.axis, t, until, values))
     return spells
 
 
@@ -397,14 +368,209 @@ def _along(trial: Trial, channel: str) -> Array | None:
     return np.gradient(depth, trial.dt) if depth is not None else trial.filled(channel)
 
 
-def _words(trial: Trial, drive: Drive, force: Array, start: int, stop: int, size: int) -> str:
-    t, until = trial.t[start * size], trial.t[min(stop * size, len(trial) - 1)]
-    mean = float(force[start:stop].mean())
-    way = {"X": ("ahead", "astern"), "Y": ("to starboard", "to port"), "Z": ("down", "up")}[drive.axis]
-    words = f"from {t:.0f} to {until:.0f} s pushed {way[mean < 0.0]} by {abs(mean):.2g} {drive.unit}"
-    if drive.axis == "Z" and "z" in trial.channels:
-        depth = float(np.median(trial.channel("z")[start * size : stop * size]))
-        where = "the bottom" if mean > 0.0 else "the surface"
-        return f"{words} at a constant depth of {depth:.1f} m: {where}, or a taut tether"
-    moved = CHANNELS["XYZ".index(drive.axis)]
-    return f"{words} without motion in {moved}: a taut tether or a wall"
+@dataclass(frozen=True)
+class HoldOutSettings:
+    """Which part of a trial is proposed to be held out."""
+
+    #: Of the use that are tried: a hold-out of about a quarter.
+    shares: tuple[float, ...] = (0.2, 0.225, 0.25, 0.275, 0.3, 0.325, 0.35)
+    usual_share: float = 0.25  #: Of the use, where nothing speaks for another share.
+    starts: int = 61  #: Places that are tried along the use: finer than a minute of an hour.
+    shortest_s: float = 60.0  #: Of the use, s: a shorter trial is too short to be divided.
+    idle_s: float = 10.0  #: Before and after the commands that stay in use, s: the vehicle coasts.
+    still_share: float = 0.15  #: Of the largest velocity, below which the vehicle is still.
+    round_s: float = 1.0  #: Proposed times are multiples of it, s.
+    lasts_s: float = 20.0  #: A change of a command goes on to tell something so long, s.
+    driven_share: float = 0.25  #: Of the trial's share of driven time, in either part.
+    unmeasured_cost: float = 20.0  #: What a part without any measurement costs, in units of the merit.
+    #: Squared velocity of a part over that of the rest, on its busiest axis: 0.22 of its speed. Below, every
+    #: model predicts the part well, because hardly anything happens in it.
+    least_activity: float = 0.05
+
+
+HOLD_OUT_SETTINGS = HoldOutSettings()
+
+_TOLD = ("step", "coast-down", "turn", "zigzag", "dive", "rise", "decay", "straight run")
+
+
+@dataclass(frozen=True)
+class TrialWindows(Plain, without="why driven", also="sentence"):
+    """Proposed parts of a trial, s in its own time."""
+
+    use: tuple[float, float]  #: From the first to the last motion.
+    #: (start, stop) for the key ``hold_out_s`` of a campaign; None where there is none, see ``why``.
+    hold_out: tuple[float, float] | None
+    #: Kinds of manoeuvres that both parts have, of those that occur more than once: (both, all).
+    kept: tuple[int, int] = (0, 0)
+    effort: float = 1.0  #: Activity of the held-out part over that of the fitted part, 1 is alike.
+    why: Literal["", "short", "moves once", "driven once"] = ""  #: Why there is no hold-out.
+    driven: tuple[float, float] = (0.0, 0.0)  #: First and last change of the commands.
+
+    @property
+    def sentence(self) -> str:
+        """What to hold out and why, in words."""
+        return str(wording("kind_of_data").windows(self))
+
+
+def windows(trial: Trial, sequence: Sequence[Manoeuvre]) -> TrialWindows:
+    """Proposed use and hold-out of a trial with these manoeuvres."""
+    activity = _activity(trial)
+    use = _moving_part(trial)
+    length = use[1] - use[0]
+    if length < HOLD_OUT_SETTINGS.shortest_s:
+        return TrialWindows(use, None, why="short")
+    countable, repeated = _countable(sequence)
+    driven, blind = _driven(trial), _blind(trial)
+    # Every length and place is tried; a hold-out must be driven and move, and the best merit wins.
+    best, could_be_driven = None, False
+    for share in HOLD_OUT_SETTINGS.shares:
+        for start in np.linspace(use[0], use[1] - share * length, HOLD_OUT_SETTINGS.starts):
+            candidate = (
+                float(np.round(start / HOLD_OUT_SETTINGS.round_s)),
+                float(np.round((start + share * length) / HOLD_OUT_SETTINGS.round_s)),
+            )
+            if not _both_driven(trial.t, driven, use, candidate):
+                continue
+            could_be_driven = True
+            if not _moves(trial.t, activity, use, candidate):
+                continue
+            merit, both, effort = _merit(trial, activity, use, candidate, countable, repeated)
+            merit -= 2.0 * abs(share - HOLD_OUT_SETTINGS.usual_share) - 0.2 * (start - use[0]) / length
+            held = (trial.t >= candidate[0]) & (trial.t < candidate[1])
+            merit -= HOLD_OUT_SETTINGS.unmeasured_cost * float(blind[held].mean())
+            if best is None or merit > best[0]:
+                best = (merit, candidate, both, effort)
+    if best is None:
+        at = trial.t[driven]
+        why: Literal["moves once", "driven once"] = "moves once" if could_be_driven else "driven once"
+        return TrialWindows(use, None, why=why, driven=(at[0], at[-1]) if len(at) else (0.0, 0.0))
+    _, candidate, both, effort = best
+    candidate = (candidate[0], float(np.ceil(trial.t[-1]))) if use[1] - candidate[1] < 2.0 else candidate
+    return TrialWindows(use, candidate, (both, len(repeated)), effort)
+
+
+def moved(
+    trial: Trial, sequence: Sequence[Manoeuvre], proposed: TrialWindows, part: tuple[float, float]
+) -> TrialWindows:
+    """A hold-out that begins or ends elsewhere than proposed, judged as it is."""
+    countable, repeated = _countable(sequence)
+    _, both, effort = _merit(trial, _activity(trial), proposed.use, part, countable, repeated)
+    return TrialWindows(proposed.use, part, (both, len(repeated)), effort)
+
+
+def _countable(sequence: Sequence[Manoeuvre]) -> tuple[list[Manoeuvre], list[tuple[str, str]]]:
+    """Manoeuvres that both parts should have, and the kinds of them that occur more than once."""
+    countable = [manoeuvre for manoeuvre in sequence if manoeuvre.kind in _TOLD]
+    counts: Counter[tuple[str, str]] = Counter((manoeuvre.kind, manoeuvre.by) for manoeuvre in countable)
+    return countable, sorted(key for key, count in counts.items() if count > 1)
+
+
+def _merit(
+    trial: Trial,
+    activity: Array,
+    use: tuple[float, float],
+    part: tuple[float, float],
+    countable: Iterable[Manoeuvre],
+    repeated: Sequence[tuple[str, str]],
+) -> tuple[float, int, float]:
+    """How good a hold-out is, how many repeated kinds both parts have, its activity over the rest's."""
+    inside: set[tuple[str, str]] = set()
+    outside: set[tuple[str, str]] = set()
+    cut = count = 0
+    for manoeuvre in countable:
+        count += 1
+        key = (manoeuvre.kind, manoeuvre.by)
+        within = part[0] <= manoeuvre.start_s and manoeuvre.end_s <= part[1] + 1.0
+        apart = manoeuvre.end_s <= part[0] or manoeuvre.start_s >= part[1]
+        inside |= {key} if within else set()
+        outside |= {key} if apart else set()
+        cut += not within and not apart
+    both = sum(key in inside and key in outside for key in repeated)
+    lonely = len(inside - outside)
+    t = trial.t
+    # Activity per axis: a part that is easier or much harder than the rest judges badly.
+    held = (t >= part[0]) & (t < part[1])
+    rest = (t >= use[0]) & (t < use[1]) & ~held
+    per_axis = activity[held].mean(axis=0) / np.maximum(activity[rest].mean(axis=0), 1e-12)
+    effort = float(np.median(per_axis)) if per_axis.size else 1.0
+    easy = float(np.clip(1.0 - per_axis, 0.0, 1.0).mean()) if per_axis.size else 0.0
+    hard = float(np.clip(per_axis - 1.5, 0.0, 2.0).mean()) if per_axis.size else 0.0
+    merit = both / max(len(repeated), 1) - 0.5 * cut / max(count, 1) - easy - 0.3 * hard
+    return merit - lonely / max(len(repeated), 1), both, effort
+
+
+def moves(trial: Trial, proposed: TrialWindows, part: tuple[float, float]) -> bool:
+    """Whether a hold-out moves, by the axis that moves most in comparison with the rest of the trial."""
+    return _moves(trial.t, _activity(trial), proposed.use, part)
+
+
+def _moves(t: Array, activity: Array, use: tuple[float, float], part: tuple[float, float]) -> bool:
+    inside = (t >= part[0]) & (t < part[1])
+    rest = (t >= use[0]) & (t < use[1]) & ~inside
+    if not activity.shape[1] or not inside.any() or not rest.any():
+        return False
+    ratio = activity[inside].mean(axis=0) / np.maximum(activity[rest].mean(axis=0), 1e-12)
+    return bool(ratio.max() >= HOLD_OUT_SETTINGS.least_activity)
+
+
+def _blind(trial: Trial) -> Mask:
+    """Samples (n,) of which no channel was measured, as in a gap of the log."""
+    return ~np.asarray(trial.valid[:, [CHANNELS.index(name) for name in trial.channels]].any(axis=1))
+
+
+def _driven(trial: Trial) -> Mask:
+    """Samples (n,) at which some command or the recorded wrench changes, or changed a moment ago."""
+    inputs = [*trial.commands.values(), *([] if trial.tau is None else trial.tau.T)]
+    changes = np.zeros(len(trial), bool)
+    for y in inputs:
+        if np.ptp(y) > 0.0:
+            changes |= np.abs(np.diff(y, prepend=y[0])) > 0.02 * np.ptp(y)
+    since = np.arange(len(trial)) - np.maximum.accumulate(
+        np.where(changes, np.arange(len(trial)), -len(trial))
+    )
+    return np.asarray(since * trial.dt <= HOLD_OUT_SETTINGS.lasts_s)
+
+
+def _both_driven(t: Array, driven: Mask, use: tuple[float, float], part: tuple[float, float]) -> bool:
+    """Whether a part and the rest both have commands that change, a whole stretch each where they change for
+    less than half of the time; true where none ever changes.
+    """
+    inside = (t >= part[0]) & (t < part[1])
+    rest = (t >= use[0]) & (t < use[1]) & ~inside
+    share = driven[inside | rest].mean()
+    if share == 0.0:
+        return True
+    if min(driven[inside].mean(), driven[rest].mean()) < HOLD_OUT_SETTINGS.driven_share * share:
+        return False
+    if share > 0.5:
+        return True
+    edges = np.diff(driven.astype(int), prepend=0, append=0)
+    stretches = list(zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True))
+    return any(inside[a:b].all() for a, b in stretches) and any(not inside[a:b].any() for a, b in stretches)
+
+
+def _activity(trial: Trial) -> Array:
+    """Squared velocities about their medians over their variance, (n, k), of the axes that move."""
+    columns = [y for name in VELOCITIES if (y := trial.filled(name)) is not None and y.std() > 0.0]
+    parts = [np.minimum((y - np.median(y)) ** 2 / y.var(), 25.0) for y in columns]
+    return np.column_stack(parts) if parts else np.zeros((len(trial), 0))
+
+
+def _moving_part(trial: Trial) -> tuple[float, float]:
+    """First and last time with motion or changing commands, with some rest around."""
+    from scipy.ndimage import uniform_filter1d
+
+    t = trial.t
+    moving = np.zeros(len(t), bool)
+    for name in VELOCITIES:
+        if (y := trial.filled(name)) is not None:
+            y = np.abs(uniform_filter1d(y, max(1, round(1.0 / trial.dt)), mode="nearest"))
+            moving |= y > HOLD_OUT_SETTINGS.still_share * y.max()
+    for y in trial.commands.values():
+        moving |= np.abs(np.diff(y, prepend=y[0])) > 0.02 * max(np.ptp(y), 1e-12)
+    index = np.flatnonzero(moving)
+    if len(index) == 0:
+        return float(t[0]), float(t[-1])
+    return float(max(t[0], t[index[0]] - HOLD_OUT_SETTINGS.idle_s)), float(
+        min(t[-1], t[index[-1]] + HOLD_OUT_SETTINGS.idle_s)
+    )

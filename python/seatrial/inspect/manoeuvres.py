@@ -12,15 +12,17 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
 from seatrial.base.arrays import Array, Mask, runs
-from seatrial.base.channels import AXES, CHANNELS, MOTIONS, readable
+from seatrial.base.channels import AXES, CHANNELS, readable
+from seatrial.base.plain import Plain
+from seatrial.base.report import wording
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -86,7 +88,7 @@ class Drive:
 
 
 @dataclass(frozen=True)
-class Manoeuvre:
+class Manoeuvre(Plain, without="values", also="sentence"):
     """A part of a recording with a name."""
 
     #: "step", "coast-down", "turn", "zigzag", "dive", "rise", "decay", "straight run", "station-keeping" or
@@ -101,7 +103,12 @@ class Manoeuvre:
     #: dive, first angle of a decay, speed of a straight run and at the start of a coast-down; angles in deg.
     size: float
     unit: str
-    sentence: str  #: All of it in words.
+    values: Mapping[str, Any] = field(default_factory=dict)  #: What the words need besides, by kind.
+
+    @property
+    def sentence(self) -> str:
+        """All of it in words."""
+        return str(wording("kind_of_data").manoeuvre(self))
 
 
 def drives(trial: Trial, vehicle: Vehicle | None = None) -> list[Drive]:
@@ -176,7 +183,7 @@ def manoeuvres(trial: Trial, vehicle: Vehicle | None = None) -> list[Manoeuvre]:
 def counted(sequence: Iterable[Manoeuvre]) -> str:
     """Manoeuvres by kind and axis in words: ``4 steps of X, 2 turns``; "" without any.
 
-    >>> counted([Manoeuvre("dive", "Z", 0.0, 9.0, 3.0, "m", "")])
+    >>> counted([Manoeuvre("dive", "Z", 0.0, 9.0, 3.0, "m")])
     '1 dive'
     """
     many = Counter((manoeuvre.kind, _whose(manoeuvre)) for manoeuvre in sequence)
@@ -284,24 +291,8 @@ def _steps(trial: Trial, driving: Sequence[Drive]) -> Iterator[Manoeuvre]:
             if late or short or abs(level - before) < SETTINGS.step_size * holds.tolerance:
                 continue
             t, until = float(trial.t[start]), float(trial.t[stop - 1]) + trial.dt
-            unit = f" {drive.unit}" if drive.unit else ""
-            words = (
-                f"step of {_words(drive)} from {_number(before, drive)} to {_number(level, drive)}{unit} at"
-                f" {t:.0f} s, held for {until - t:.0f} s"
-            )
-            yield Manoeuvre("step", drive.name, t, until, level - before, drive.unit, words)
-
-
-def _words(drive: Drive) -> str:
-    if not drive.axis:
-        return drive.name
-    return f"the {MOTIONS[drive.axis]} {'force' if drive.axis in 'XYZ' else 'moment'}"
-
-
-def _number(value: float, drive: Drive) -> str:
-    """Value to a hundredth of the drive's range."""
-    digits = max(0, 2 - int(np.floor(np.log10(max(drive.range, 1e-12)))) - 1)
-    return f"{round(value, digits) + 0.0:.{digits}f}"
+            levels_of = {"axis": drive.axis, "before": before, "after": level, "range": drive.range}
+            yield Manoeuvre("step", drive.name, t, until, level - before, drive.unit, levels_of)
 
 
 def _coast_downs(trial: Trial, driving: Sequence[Drive], motion: _Motion) -> Iterator[Manoeuvre]:
@@ -320,11 +311,7 @@ def _coast_downs(trial: Trial, driving: Sequence[Drive], motion: _Motion) -> Ite
                 continue
             factor, unit = readable(channel)
             t, until = float(trial.t[start]), float(trial.t[stop - 1])
-            words = (
-                f"coast-down of {MOTIONS[axis]} from {factor * first:.2g} to {factor * last:.2g} {unit}"
-                f" in {until - t:.0f} s from {t:.0f} s on"
-            )
-            yield Manoeuvre("coast-down", axis, t, until, factor * first, unit, words)
+            yield Manoeuvre("coast-down", axis, t, until, factor * first, unit, {"last": factor * last})
 
 
 def _neutral(driving: Sequence[Drive], axis: str, dt: float) -> Mask | None:
@@ -350,18 +337,13 @@ def _swings(trial: Trial, motion: _Motion) -> Iterator[Manoeuvre]:
     for group in _zigzags(swings, trial.dt):
         t, until = float(trial.t[group[0][0]]), float(trial.t[group[-1][1] - 1])
         size = float(np.rad2deg(np.median([abs(change) for *_, change in group])))
-        words = f"zigzag of {len(group)} swings of about {size:.0f} deg from {t:.0f} to {until:.0f} s"
-        yield Manoeuvre("zigzag", "N", t, until, size, "deg", words)
+        yield Manoeuvre("zigzag", "N", t, until, size, "deg", {"swings": len(group)})
         swings = [swing for swing in swings if swing not in group]
     for start, stop, change in swings:
         if abs(change) < SETTINGS.turn_angle:
             continue
         t, until = float(trial.t[start]), float(trial.t[stop - 1])
-        words = (
-            f"turn of {abs(np.rad2deg(change)):.0f} deg to {'starboard' if change > 0.0 else 'port'} from"
-            f" {t:.0f} to {until:.0f} s"
-        )
-        yield Manoeuvre("turn", "N", t, until, float(np.rad2deg(change)), "deg", words)
+        yield Manoeuvre("turn", "N", t, until, float(np.rad2deg(change)), "deg")
 
 
 def _zigzags(swings: Sequence[tuple[int, int, float]], dt: float) -> Iterator[list[tuple[int, int, float]]]:
@@ -392,11 +374,8 @@ def _dives(trial: Trial, motion: _Motion) -> Iterator[Manoeuvre]:
                 continue
             t, until = float(trial.t[start]), float(trial.t[stop - 1])
             kind: Kind = "dive" if sign > 0.0 else "rise"
-            words = (
-                f"{kind} from {motion.depth[start]:.1f} to {motion.depth[stop - 1]:.1f} m depth from {t:.0f}"
-                f" to {until:.0f} s"
-            )
-            yield Manoeuvre(kind, "Z", t, until, change, "m", words)
+            depths = {"from_m": float(motion.depth[start]), "to_m": float(motion.depth[stop - 1])}
+            yield Manoeuvre(kind, "Z", t, until, change, "m", depths)
 
 
 def _decays(trial: Trial, driving: Sequence[Drive]) -> Iterator[Manoeuvre]:
@@ -423,11 +402,9 @@ def _decays(trial: Trial, driving: Sequence[Drive]) -> Iterator[Manoeuvre]:
             if len(heights) < 3 or not dying or heights[2] > 0.8 * size:
                 continue
             t, until = float(trial.t[start]), float(trial.t[stop - 1])
-            words = (
-                f"free decay of {channel} from {np.rad2deg(size):.0f} deg with {len(heights)} extremes from"
-                f" {t:.0f} s on"
+            yield Manoeuvre(
+                "decay", axis, t, until, float(np.rad2deg(size)), "deg", {"extremes": len(heights)}
             )
-            yield Manoeuvre("decay", axis, t, until, float(np.rad2deg(size)), "deg", words)
 
 
 def _steady(trial: Trial, driving: Sequence[Drive], motion: _Motion) -> Iterator[Manoeuvre]:
@@ -446,9 +423,8 @@ def _steady(trial: Trial, driving: Sequence[Drive], motion: _Motion) -> Iterator
         if motion.heading is not None and np.ptp(motion.heading[start:stop]) > SETTINGS.turn_angle / 3.0:
             continue
         t, until = float(trial.t[start]), float(trial.t[stop - 1])
-        span = f"{low:.2f} to {high:.2f}" if high - low > 0.1 * high else f"{0.5 * (low + high):.2f}"
-        words = f"straight run at {span} m/s from {t:.0f} to {until:.0f} s"
-        yield Manoeuvre("straight run", "X", t, until, float(np.median(u[start:stop])), "m/s", words)
+        speeds = {"low": float(low), "high": float(high)}
+        yield Manoeuvre("straight run", "X", t, until, float(np.median(u[start:stop])), "m/s", speeds)
     busy = np.zeros(len(trial), bool)
     for drive in driving:
         busy |= np.abs(_clean(drive.y, trial.dt) - drive.neutral) > SETTINGS.quiet_share * drive.range
@@ -462,4 +438,4 @@ def _steady(trial: Trial, driving: Sequence[Drive], motion: _Motion) -> Iterator
         for start, stop in runs(still & driven, samples):
             t, until = float(trial.t[start]), float(trial.t[stop - 1])
             size = float(speed[start:stop].mean())
-            yield Manoeuvre(kind, "", t, until, size, "m/s", f"{kind} from {t:.0f} to {until:.0f} s")
+            yield Manoeuvre(kind, "", t, until, size, "m/s")

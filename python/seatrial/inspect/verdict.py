@@ -31,8 +31,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.channels import AXES, MOTIONS, VELOCITIES
-from seatrial.inspect.feedback import explained, prediction_errors
+from seatrial.base.channels import AXES, VELOCITIES
+from seatrial.base.report import wording
+from seatrial.inspect.feedback import SEEN, earlier, explained, means, prediction_errors
 from seatrial.inspect.waves import waves
 from seatrial.trial.columns import WRENCH
 from seatrial.vehicle.actuators import actuator_groups, pushes
@@ -75,18 +76,10 @@ class VerdictSettings:
     wave_band: float = 1.35  #: Band of the waves, as a factor of their frequency.
 
 
-VERDICT_SETTINGS = VerdictSettings()
+SETTINGS = VerdictSettings()
 
 
 _DRAG = ("X_u", "X_uu", "Y_v", "Y_vv", "Z_w", "Z_ww")
-_TRIAL = (
-    "run seatrial plan with the campaign of this log: it proposes a dither on top of the autopilot that makes"
-    " the axis identifiable"
-)
-
-
-_SEEN_CHANNELS = ("yaw", "pitch", "roll", "z", "u", "v", "w", "p", "q", "r")
-
 Kind = Literal["open", "closed and informative", "feedback-dominated"]
 
 
@@ -115,14 +108,14 @@ class Verdict:
         """Whether the commands of an axis that passes as open answer waves in part."""
         return (
             self.kind == "open"
-            and self.explained > VERDICT_SETTINGS.foretold_share
-            and self.wave_share > VERDICT_SETTINGS.in_waves_share
+            and self.explained > SETTINGS.foretold_share
+            and self.wave_share > SETTINGS.in_waves_share
         )
 
     @property
     def trial(self) -> str:
         """The trial that tells a dominated axis; empty where none is needed."""
-        return _TRIAL if self.dominated else ""
+        return str(wording("kind_of_data").TRIAL) if self.dominated else ""
 
     @property
     def sentence(self) -> str:
@@ -132,22 +125,7 @@ class Verdict:
     @property
     def why(self) -> str:
         """The verdict with its evidence."""
-        who = f"{MOTIONS[self.axis]} ({self.axis})"
-        if self.kind == "open":
-            return f"{who} is in open loop: no feedback was detected in its commands"
-        share = f"{100.0 * max(self.told, 0.0):.0f} % of the motion"
-        if self.kind == "closed and informative":
-            waves = "" if math.isfinite(self.wave_period_s) else ", and no waves were seen"
-            return (
-                f"{who} is in closed loop but informative: commands independent of feedback drive"
-                f" {share}{waves}"
-            )
-        by = f" in waves of {self.wave_period_s:.1f} s" if math.isfinite(self.wave_period_s) else ""
-        verb = "follows" if len(self.commands) == 1 else "follow"
-        return (
-            f"{who} is dominated by feedback: {', '.join(self.commands)} {verb} the motion{by}, and commands"
-            f" independent of feedback drive only {share}; this log does not determine how the axis responds"
-        )
+        return str(wording("kind_of_data").verdict(self))
 
 
 def judge(trials: Sequence[Trial], vehicle: Vehicle) -> dict[str, Verdict]:
@@ -171,15 +149,14 @@ def best(judged: Iterable[Mapping[str, Verdict]]) -> dict[str, Verdict]:
 
 def judge_trial(trial: Trial, vehicle: Vehicle) -> dict[str, Verdict]:
     """Verdict per axis that recorded inputs push and whose velocity was recorded, the worst first."""
-    stride = max(1, math.ceil(1.0 / (VERDICT_SETTINGS.rate_hz * trial.dt) - 0.01))
-    seen = {
-        c: _mean(y, stride) for c in _SEEN_CHANNELS if (y := trial.filled(c)) is not None and y.std() > 0.0
-    }
+    stride = max(1, math.ceil(1.0 / (SETTINGS.rate_hz * trial.dt) - 0.01))
+    seen = {c: means(y, stride) for c in SEEN if (y := trial.filled(c)) is not None and y.std() > 0.0}
     swell = waves(trial)
     verdicts = {}
     pushed = pushed_by(vehicle)
     recorded = any(name in trial.commands for name in vehicle.actuators)
     for index, axis in enumerate(AXES):
+        # One signal per axis: the sum of its commands by what each pushes, or the recorded wrench.
         channel, slopes = VELOCITIES[index], pushed.get(axis, {})
         used = {name: slope for name, slope in slopes.items() if name in trial.commands}
         moving = tuple(name for name in used if np.ptp(trial.commands[name]) > 0.0)
@@ -194,15 +171,12 @@ def judge_trial(trial: Trial, vehicle: Vehicle) -> dict[str, Verdict]:
         if swell is not None:
             period = swell.period_s
             wave_share = _share(command, trial.dt, period)
+        # In a closed loop the share that commands independent of feedback drive decides.
         kind: Kind = "closed and informative" if closed else "open"
         if closed:
-            independent = _told(_mean(command, stride), seen, channel, stride * trial.dt)
-            unseen = (
-                VERDICT_SETTINGS.untold_share
-                if len(trial) * trial.dt >= VERDICT_SETTINGS.long_s
-                else -math.inf
-            )
-            if independent < (unseen if swell is None else VERDICT_SETTINGS.told_share):
+            independent = _told(means(command, stride), seen, channel, stride * trial.dt)
+            unseen = SETTINGS.untold_share if len(trial) * trial.dt >= SETTINGS.long_s else -math.inf
+            if independent < (unseen if swell is None else SETTINGS.told_share):
                 kind = "feedback-dominated"
         way = axis in AXES[:3] and _under_way(seen[channel])
         verdicts[axis] = Verdict(axis, kind, moving, follows.explained, independent, wave_share, period, way)
@@ -219,7 +193,7 @@ def blind(verdicts: Mapping[str, Verdict], *, waves: bool = False) -> str:
         axis
         for axis, verdict in verdicts.items()
         if (waves or math.isfinite(verdict.wave_period_s))
-        and (verdict.dominated or verdict.told < VERDICT_SETTINGS.replayed_share or verdict.answers_waves)
+        and (verdict.dominated or verdict.told < SETTINGS.replayed_share or verdict.answers_waves)
     }
     axes |= {axis for axis, on in (("Y", "N"), ("Z", "M")) if on in axes and axis not in verdicts}
     return "".join(axis for axis in AXES if axis in axes)
@@ -269,8 +243,8 @@ def pushed_by(vehicle: Vehicle) -> dict[str, dict[str, float]]:
             size, largest = abs(wrench[index]), force if index < 3 else moment
             if (
                 index >= first
-                and size > VERDICT_SETTINGS.main_share * largest
-                and (index < 3 or size > VERDICT_SETTINGS.least_lever_m * force)
+                and size > SETTINGS.main_share * largest
+                and (index < 3 or size > SETTINGS.least_lever_m * force)
             ):
                 slopes.setdefault(axis, {}).setdefault(push.actuator, []).append(
                     float(wrench[index]) / push.step
@@ -289,15 +263,7 @@ def _order(verdict: Verdict) -> int:
 def _under_way(velocity: Array) -> bool:
     """Whether the vehicle moves one way all along."""
     middle = float(np.median(velocity))
-    return abs(middle) > VERDICT_SETTINGS.way_deviations * 1.4826 * float(
-        np.median(np.abs(velocity - middle))
-    )
-
-
-def _mean(y: Array, stride: int) -> Array:
-    """Means of `stride` samples each."""
-    count = len(y) // stride
-    return np.asarray(y[: count * stride].reshape(count, stride).mean(axis=1))
+    return abs(middle) > SETTINGS.way_deviations * 1.4826 * float(np.median(np.abs(velocity - middle)))
 
 
 def _share(command: Array, dt: float, period_s: float) -> float:
@@ -305,40 +271,31 @@ def _share(command: Array, dt: float, period_s: float) -> float:
     from scipy.signal import welch
 
     f, power = welch(command, 1.0 / dt, nperseg=min(len(command), round(100.0 / dt)), detrend="linear")
-    inside = (f > 1.0 / (period_s * VERDICT_SETTINGS.wave_band)) & (f < VERDICT_SETTINGS.wave_band / period_s)
+    inside = (f > 1.0 / (period_s * SETTINGS.wave_band)) & (f < SETTINGS.wave_band / period_s)
     return float(power[inside].sum() / power[1:].sum())
 
 
 def _told(command: Array, seen: dict[str, Array], channel: str, dt: float) -> float:
     """Share of a velocity's variance that the exogenous part of its command drives."""
-    usable = np.arange(len(command)) >= VERDICT_SETTINGS.settled_samples
-    if usable.sum() < 2 * VERDICT_SETTINGS.settled_samples:
+    usable = np.arange(len(command)) >= SETTINGS.settled_samples
+    if usable.sum() < 2 * SETTINGS.settled_samples:
         return math.nan
     velocity = seen[channel]
     change = np.diff(command, prepend=command[0])
-    past = [_lags(change, range(1, VERDICT_SETTINGS.own_lags))]
-    past += [_lags(np.diff(m, prepend=m[0]), range(VERDICT_SETTINGS.seen_lags)) for m in seen.values()]
+    past = [earlier(change, range(1, SETTINGS.own_lags))]
+    past += [earlier(np.diff(m, prepend=m[0]), range(SETTINGS.seen_lags)) for m in seen.values()]
     regressors = np.hstack(past)
-    limit = VERDICT_SETTINGS.outlier * 1.4826 * float(np.median(np.abs(change)))
+    limit = SETTINGS.outlier * 1.4826 * float(np.median(np.abs(change)))
     if limit > 0.0:
-        tall = VERDICT_SETTINGS.tall * regressors.std(axis=0)
+        tall = SETTINGS.tall * regressors.std(axis=0)
         clipped = np.clip(change, -limit, limit)
         # The part that was clipped is a step of a set point: exogenous as a whole.
         exogenous = prediction_errors(np.clip(regressors, -tall, tall), clipped, usable) + change - clipped
     else:
         exogenous = prediction_errors(regressors, change, usable)
-    coarse = np.convolve(exogenous, np.ones(VERDICT_SETTINGS.coarse_lags) / VERDICT_SETTINGS.coarse_lags)[
-        : len(exogenous)
-    ]
-    late = range(
-        VERDICT_SETTINGS.fine_lags, round(VERDICT_SETTINGS.answer_s / dt), VERDICT_SETTINGS.coarse_lags
-    )
-    answer = np.hstack([_lags(exogenous, range(VERDICT_SETTINGS.fine_lags)), _lags(coarse, late)])
+    coarse = np.convolve(exogenous, np.ones(SETTINGS.coarse_lags) / SETTINGS.coarse_lags)[: len(exogenous)]
+    late = range(SETTINGS.fine_lags, round(SETTINGS.answer_s / dt), SETTINGS.coarse_lags)
+    answer = np.hstack([earlier(exogenous, range(SETTINGS.fine_lags)), earlier(coarse, late)])
     error = prediction_errors(answer, velocity, usable)
     whole = float(np.var(velocity[usable]))
     return 1.0 - float(np.var(error[usable])) / whole if whole > 0.0 else math.nan
-
-
-def _lags(y: Array, lags: range) -> Array:
-    """Earlier samples (n, k)."""
-    return np.column_stack([np.concatenate([np.zeros(k), y[: len(y) - k]]) for k in lags])

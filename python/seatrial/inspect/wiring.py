@@ -293,6 +293,7 @@ def _judged(
     judged: Sequence[_Axis], names: Sequence[str], hypotheses: Sequence[Hypothesis], *, closed: bool
 ) -> Wiring | None:
     """The change that the motion asks for; None where it is not clear, or contradicts a part of the log."""
+    # Log-likelihood of every wiring over that of the file, summed over the axes.
     signs = np.array([h[0] for h in hypotheses])
     places = np.array([h[1] for h in hypotheses])
     changes = np.array([h[2] for h in hypotheses])
@@ -307,11 +308,13 @@ def _judged(
     if net[best] < (SETTINGS.closed_evidence if closed else SETTINGS.evidence):
         return None
     free = np.array([_free_share(axis) for axis in judged])
+    # Some axis must speak clearly against the file and for the change, in every part of the log.
     against = (shares[:, 0] < SETTINGS.explained_before * free) & (
         shares[:, best] > np.maximum(SETTINGS.explained_after * free, SETTINGS.explained_motion)
     )
     if not against.any() or not _in_all_parts(judged, signs, places, best):
         return None
+    # Only what all wirings that the log cannot tell apart have in common is named.
     alike = np.flatnonzero(net > net[best] - SETTINGS.alike)
     same_place = np.arange(len(names))
     turned = [name for k, name in enumerate(names) if all(signs[a, k] < 0.0 for a in alike)]

@@ -20,8 +20,7 @@ from seatrial.base.errors import TrialError, printable
 from seatrial.base.work import callers_errors_pass
 from seatrial.inspect.consistency import consistency, convention_of, series_of
 from seatrial.inspect.corrections import Consistency
-from seatrial.inspect.kind_of_data import KindOfData, kind_of_data
-from seatrial.inspect.trial_windows import moved, moves
+from seatrial.inspect.kind_of_data import KindOfData, kind_of_data, moved, moves
 from seatrial.intake.imported import (
     Imported,
     ImportedTrial,
@@ -309,7 +308,10 @@ def _hold_out(
         return (start, stop), proposed.sentence
     words = ["from a change of mode"] if begin != start else []
     words += ["to the end of the trial"] if end != stop else []
-    return (begin, end), f"{moved(trial, kind.manoeuvres, proposed, (begin, end))}; {' '.join(words)}"
+    return (
+        begin,
+        end,
+    ), f"{moved(trial, kind.manoeuvres, proposed, (begin, end)).sentence}; {' '.join(words)}"
 
 
 def _compared(recorded: Recorded, kind: KindOfData) -> Consistency:

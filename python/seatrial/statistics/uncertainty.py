@@ -283,7 +283,7 @@ def covariance(lin: Linearisation, *, length: BlockLength | None = None) -> Unce
     (``alone``).
 
     How often the intervals hold the truth stands in ``docs/theory/uncertainty.md``. Not in it: a wrong model
-    structure, and how the model bends across the interval (`seatrial.diagnosis.resampling`). An unknown at a
+    structure, and how the model bends across the interval (`seatrial.diagnosis.assessment`). An unknown at a
     bound is treated as free, which widens the intervals of the others.
 
     Parameters

@@ -29,15 +29,8 @@ from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import CHANNELS
 from seatrial.base.finding import Finding
 from seatrial.base.frames import body_rates, matrix, to_euler
-from seatrial.trial.signals import (
-    RESAMPLING_SETTINGS,
-    RecordingReport,
-    Signal,
-    angles,
-    held,
-    linear,
-    silences,
-)
+from seatrial.trial.signals import SETTINGS as RESAMPLING_SETTINGS
+from seatrial.trial.signals import RecordingReport, Signal, angles, held, linear, silences
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -192,11 +185,15 @@ def assemble(signals: Mapping[str, Signal], t: Array, report: RecordingReport) -
         "position": filled[:, 6:9],
         "attitude": attitude,
         "nu": filled[:, :6],
-        "commands": _actuators(signals, t, "cmd."),
+        "commands": {
+            n.removeprefix("cmd."): held(signals[n], t)[:, 0] for n in signals if n.startswith("cmd.")
+        },
         "silent": silent if silent.any() else None,
-        "measured": {name: y[:, 0] for name, y in _continuous(signals, t, "meas.").items()},
+        "measured": {
+            n.removeprefix("meas."): linear(signals[n], t)[0][:, 0] for n in signals if n.startswith("meas.")
+        },
         "tau": _wrench(signals, t),
-        "voltage_v": _scalar(signals, t, "voltage"),
+        "voltage_v": linear(signals["voltage"], t)[0][:, 0] if "voltage" in signals else None,
         "current": _vector(signals, t, "current", ("north", "east", "down")),
         "water": _vector(signals, t, "water velocity", ("u_water", "v_water", "w_water")),
     }
@@ -372,26 +369,6 @@ def _silent(signals: Mapping[str, Signal], t: Array, report: RecordingReport) ->
             usual_s=usual,
         )
     return silent
-
-
-def _actuators(signals: Mapping[str, Signal], t: Array, prefix: str) -> dict[str, Array]:
-    return {
-        name.removeprefix(prefix): held(signal, t)[:, 0]
-        for name, signal in signals.items()
-        if name.startswith(prefix)
-    }
-
-
-def _continuous(signals: Mapping[str, Signal], t: Array, prefix: str) -> dict[str, Array]:
-    return {
-        name.removeprefix(prefix): linear(signal, t)[0]
-        for name, signal in signals.items()
-        if name.startswith(prefix)
-    }
-
-
-def _scalar(signals: Mapping[str, Signal], t: Array, name: str) -> Array | None:
-    return linear(signals[name], t)[0][:, 0] if name in signals else None
 
 
 def _vector(signals: Mapping[str, Signal], t: Array, name: str, order: tuple[str, ...]) -> Array | None:

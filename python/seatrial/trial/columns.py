@@ -50,32 +50,18 @@ class Group:
     most: float = 1e9
 
 
+_WATER, _EARTH = ("u_water", "v_water", "w_water"), ("north", "east", "down")
+
 GROUPS = (
     Group("position", ("x_m", "y_m", "z_m"), ("x", "y", "z"), "m", 1.0, "earth"),
     Group("quaternion", ("q_w", "q_x", "q_y", "q_z"), ("q_w", "q_x", "q_y", "q_z"), "", 1.0, "attitude"),
     Group("euler", ("roll_deg", "pitch_deg", "yaw_deg"), ("roll", "pitch", "yaw"), "rad", DEGREE, "attitude"),
     Group("velocity", ("u_m_s", "v_m_s", "w_m_s"), ("u", "v", "w"), "m/s", 1.0, "body", 1e4),
-    Group(
-        "water velocity",
-        ("u_water_m_s", "v_water_m_s", "w_water_m_s"),
-        ("u_water", "v_water", "w_water"),
-        "m/s",
-        1.0,
-        "body",
-        1e4,
-    ),
+    Group("water velocity", tuple(f"{c}_m_s" for c in _WATER), _WATER, "m/s", 1.0, "body", 1e4),
     Group("rates", ("p_deg_s", "q_deg_s", "r_deg_s"), ("p", "q", "r"), "rad/s", DEGREE, "body"),
     Group("force", ("tau.X_n", "tau.Y_n", "tau.Z_n"), ("X", "Y", "Z"), "N", 1.0, "body"),
     Group("moment", ("tau.K_nm", "tau.M_nm", "tau.N_nm"), ("K", "M", "N"), "N*m", 1.0, "body"),
-    Group(
-        "current",
-        ("current_north_m_s", "current_east_m_s", "current_down_m_s"),
-        ("north", "east", "down"),
-        "m/s",
-        1.0,
-        "earth",
-        1e4,
-    ),
+    Group("current", tuple(f"current_{c}_m_s" for c in _EARTH), _EARTH, "m/s", 1.0, "earth", 1e4),
     Group("voltage", ("voltage_v",), ("voltage",), "V"),
 )
 
@@ -119,6 +105,7 @@ def parse(
     for canonical, given in (columns or {}).items():
         check_canonical(canonical, file)
         sources[canonical] = mapped(canonical, given, present, file)
+    # Beside the map count columns with canonical names, and such in other units.
     mapped_columns = {source.column for source in sources.values()}
     for name in present:
         plain = name in CANONICAL or (_actuator(name) and not canonical_of(name) and not misfit_of(name))
@@ -278,47 +265,29 @@ _STICKS = ("roll", "pitch", "yaw", "throttle", "forward", "lateral")
 
 _YAW_AHEAD = {"1": (0, 0, -1, 0, 1, 0), "2": (0, 0, 1, 0, 1, 0)}
 _VECTORED = {
-    "1": (0, 0, 1, 0, -1, 1),
-    "2": (0, 0, -1, 0, -1, -1),
-    "3": (0, 0, -1, 0, 1, 1),
-    "4": (0, 0, 1, 0, 1, -1),
-}
+    "1": (0, 0, 1, 0, -1, 1), "2": (0, 0, -1, 0, -1, -1), "3": (0, 0, -1, 0, 1, 1), "4": (0, 0, 1, 0, 1, -1),
+}  # fmt: skip
+_DOWN = (0, 0, 0, -1, 0, 0)
 
 FRAMES: dict[str, dict[str, tuple[float, ...]]] = {
     "BLUEROV1": {
-        **_YAW_AHEAD,
-        "3": (-0.5, 0.5, 0, 0.45, 0, 0),
-        "4": (0.5, 0.5, 0, 0.45, 0, 0),
-        "5": (0, -1, 0, 1, 0, 0),
-        "6": (-0.25, 0, 0, 0, 0, 1),
+        **_YAW_AHEAD, "3": (-0.5, 0.5, 0, 0.45, 0, 0), "4": (0.5, 0.5, 0, 0.45, 0, 0),
+        "5": (0, -1, 0, 1, 0, 0), "6": (-0.25, 0, 0, 0, 0, 1),
     },
     "VECTORED": {**_VECTORED, "5": (1, 0, 0, -1, 0, 0), "6": (-1, 0, 0, -1, 0, 0)},
     "VECTORED_6DOF": {
-        **_VECTORED,
-        "5": (1, -1, 0, -1, 0, 0),
-        "6": (-1, -1, 0, -1, 0, 0),
-        "7": (1, 1, 0, -1, 0, 0),
-        "8": (-1, 1, 0, -1, 0, 0),
+        **_VECTORED, "5": (1, -1, 0, -1, 0, 0), "6": (-1, -1, 0, -1, 0, 0),
+        "7": (1, 1, 0, -1, 0, 0), "8": (-1, 1, 0, -1, 0, 0),
     },
     "VECTORED_6DOF_90DEG": {
-        "1": (1, 1, 0, 1, 0, 0),
-        "2": (0, 0, 1, 0, 1, 0),
-        "3": (1, -1, 0, 1, 0, 0),
-        "4": (0, 0, 0, 0, 0, 1),
-        "5": (0, 0, 0, 0, 0, 1),
-        "6": (-1, 1, 0, 1, 0, 0),
-        "7": (0, 0, -1, 0, 1, 0),
+        "1": (1, 1, 0, 1, 0, 0), "2": (0, 0, 1, 0, 1, 0), "3": (1, -1, 0, 1, 0, 0), "4": (0, 0, 0, 0, 0, 1),
+        "5": (0, 0, 0, 0, 0, 1), "6": (-1, 1, 0, 1, 0, 0), "7": (0, 0, -1, 0, 1, 0),
         "8": (-1, -1, 0, 1, 0, 0),
     },
-    "SIMPLEROV_3": {**_YAW_AHEAD, "3": (0, 0, 0, -1, 0, 0)},
-    "SIMPLEROV_4": {**_YAW_AHEAD, "3": (0, 0, 0, -1, 0, 0), "4": (0, 0, 0, -1, 0, 0)},
-    "SIMPLEROV_5": {
-        **_YAW_AHEAD,
-        "3": (0, 0, 0, -1, 0, 0),
-        "4": (0, 0, 0, -1, 0, 0),
-        "5": (0, 0, 0, 0, 0, 1),
-    },
-}
+    "SIMPLEROV_3": {**_YAW_AHEAD, "3": _DOWN},
+    "SIMPLEROV_4": {**_YAW_AHEAD, "3": _DOWN, "4": _DOWN},
+    "SIMPLEROV_5": {**_YAW_AHEAD, "3": _DOWN, "4": _DOWN, "5": (0, 0, 0, 0, 0, 1)},
+}  # fmt: skip
 """Factors of roll, pitch, yaw, throttle, forward and lateral by motor number, of ArduSub's frames in the
 order of FRAME_CONFIG.
 """

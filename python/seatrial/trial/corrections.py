@@ -259,6 +259,7 @@ def corrected(
     for sensor, channels in CHANNELS_OF.items():
         if sensor in corrections.scale:
             work.channels(channels, partial(np.multiply, corrections.scale[sensor]))
+    # In the order of the module: scale of a sensor, axes, signs, bias, scale of a channel, mounting.
     work.exchange(corrections.axes)
     for channel, sign in corrections.signs.items():
         work.channels((channel,), partial(np.multiply, sign))
@@ -281,6 +282,7 @@ def corrected(
         work.delay(sensor, delay)
     if corrections.current is not None:
         work.water(corrections.current)
+    # Each is reported, also where the recording has nothing that it could correct.
     present = {channel for signal in signals.values() for channel in signal.channels}
     for key, value in corrections.given.items():
         name = key.partition(".")[2] or "attitude"

@@ -113,15 +113,16 @@ def _mcap(table: pl.DataFrame, path: Path) -> bytes:
     t = table["t_s"].to_numpy().astype(float)
     stamps = [round(time * 1e9) for time in (t - min(0.0, float(t[0]))).tolist()]
     topics = [_Topic(writer, "/trial", "seatrial.Trial", _trial_schema(numeric))]
-    messages: list[Iterable[Any]] = [_rows(table, ["t_s", *numeric])]
+    rows = _rows(table, ["t_s", *numeric])
+    messages: Iterable[tuple[Any, ...]] = ((row,) for row in rows)
     pose = _pose(table)
     if pose is not None:
         topics += [
             _Topic(writer, "/tf", "foxglove.FrameTransform", _TRANSFORM),
             _Topic(writer, "/pose", "foxglove.PoseInFrame", _POSE),
         ]
-        messages += [_transforms(stamps, *pose), _poses(stamps, *pose)]
-    for stamp, *parts in zip(stamps, *messages, strict=True):
+        messages = ((row, *both) for row, both in zip(rows, _poses(stamps, *pose), strict=True))
+    for stamp, parts in zip(stamps, messages, strict=True):
         for topic, message in zip(topics, parts, strict=True):
             if message is not None:
                 topic.write(stamp, message)
@@ -184,46 +185,24 @@ def _pose(table: pl.DataFrame) -> tuple[Array, Array] | None:
     return place, attitude_to_ned(q, "FLU/ENU", "export")
 
 
-def _stamp(ns: int) -> dict[str, int]:
-    return {"sec": ns // 1_000_000_000, "nsec": ns % 1_000_000_000}
-
-
 def _vector(values: Array, names: str) -> dict[str, float]:
     return {name: float(value) for name, value in zip(names, values, strict=True)}
 
 
-def _known(place: Array, q: Array) -> Array:
-    return np.asarray(np.isfinite(place).all(axis=1) & np.isfinite(q).all(axis=1))
-
-
-def _transforms(stamps: Sequence[int], place: Array, q: Array) -> Iterator[Any]:
-    known = _known(place, q)
-    return (
-        {
-            "timestamp": _stamp(stamps[k]),
-            "parent_frame_id": _EARTH,
-            "child_frame_id": _BODY,
-            "translation": _vector(place[k], "xyz"),
-            "rotation": _vector(q[k], "wxyz"),
-        }
-        if known[k]
-        else None
-        for k in range(len(stamps))
-    )
-
-
-def _poses(stamps: Sequence[int], place: Array, q: Array) -> Iterator[Any]:
-    known = _known(place, q)
-    return (
-        {
-            "timestamp": _stamp(stamps[k]),
-            "frame_id": _EARTH,
-            "pose": {"position": _vector(place[k], "xyz"), "orientation": _vector(q[k], "wxyz")},
-        }
-        if known[k]
-        else None
-        for k in range(len(stamps))
-    )
+def _poses(stamps: Sequence[int], place: Array, q: Array) -> Iterator[tuple[Any, Any]]:
+    """Transform and pose per row; None for both where the pose is not known."""
+    known = np.isfinite(np.concatenate([place, q], axis=1)).all(axis=1)
+    for k, stamp in enumerate(stamps):
+        if not known[k]:
+            yield None, None
+            continue
+        at, turned = _vector(place[k], "xyz"), _vector(q[k], "wxyz")
+        time = {"sec": stamp // 1_000_000_000, "nsec": stamp % 1_000_000_000}
+        moved = {"translation": at, "rotation": turned}
+        yield (
+            {"timestamp": time, "parent_frame_id": _EARTH, "child_frame_id": _BODY, **moved},
+            {"timestamp": time, "frame_id": _EARTH, "pose": {"position": at, "orientation": turned}},
+        )
 
 
 def _trial_schema(columns: list[str]) -> dict[str, Any]:

@@ -362,20 +362,8 @@ def _goes_on(other: _Channel, change: _Change, changes: list[_Change]) -> bool:
 _INTEGERS = tuple(
     float(value) for bits in (16, 32, 64) for value in (2**bits - 1, 2 ** (bits - 1) - 1, 2 ** (bits - 1))
 )
-_NINES = (
-    99.0,
-    99.9,
-    99.99,
-    999.0,
-    999.25,
-    999.9,
-    999.99,
-    9999.0,
-    9999.25,
-    9999.9,
-    9999.99,
-    99999.0,
-)  # -999.25: well logs
+# -999.25: well logs
+_NINES = (99.0, 99.9, 99.99, 999.0, 999.25, 999.9, 999.99, 9999.0, 9999.25, 9999.9, 9999.99, 99999.0)
 _CODES = np.array(sorted({*_NINES, *_INTEGERS, 99999.99, 999999.0, 9999999.0}))  # usual ones
 # The ends of an integer type, written in units of its last digit: tenths to ten thousandths, and 1e-7 deg.
 _SCALED = np.unique([value * unit for value in _INTEGERS for unit in (1e-1, 1e-2, 1e-3, 1e-4, 1e-7)])

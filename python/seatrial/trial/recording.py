@@ -257,9 +257,11 @@ def _read_log(path: Path, reader: str, columns: Sequence[str]) -> pl.DataFrame:
     log = open_log(path, reader)
     wanted = [_wanted(log, column) for column in columns if column != "t_s"]
     if not wanted:
+        topic, fields = next(iter(log.fields.items()))
         raise TrialError(
             f"{path}: a log of topics needs a column map, for example"
-            f' columns={{"yaw_deg": "{_example(log)}"}}; its topics are {listed(list(log.fields))}'
+            f' columns={{"yaw_deg": "{topic}.{next(iter(fields))}"}}; its topics are'
+            f" {listed(list(log.fields))}"
         )
     return join([log], wanted).table
 
@@ -271,20 +273,12 @@ def _wanted(log: Log, column: str) -> Wanted:
     if wanted is not None:
         return wanted
     present = [f"{topic}.{field}" for topic, names in log.fields.items() for field in names]
-    where = nearest(column, present[:5000]) if len(present) < 40 or _near(column, present) else ""
+    near = nearest(column, present[:5000])
+    where = near if len(present) < 40 or "did you mean" in near else ""
     raise TrialError(
         f'{log.path}: column map: there is no field "{column}" in the log{where}'
         + ("" if where else f"; its topics are {listed(list(log.fields))}")
     )
-
-
-def _near(column: str, present: Sequence[str]) -> bool:
-    return "did you mean" in nearest(column, present[:5000])
-
-
-def _example(log: Log) -> str:
-    topic, fields = next(iter(log.fields.items()))
-    return f"{topic}.{next(iter(fields))}"
 
 
 def _read_parquet(path: Path) -> pl.DataFrame:

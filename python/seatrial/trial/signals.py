@@ -273,7 +273,7 @@ class ResamplingSettings:
     motion_blocks: int = 200  #: parts of a record whose motion is compared
 
 
-RESAMPLING_SETTINGS = ResamplingSettings()
+SETTINGS = ResamplingSettings()
 
 
 def uniform(t: Array, rate_hz: float | None, file: str = "recording") -> Array:
@@ -285,7 +285,7 @@ def uniform(t: Array, rate_hz: float | None, file: str = "recording") -> Array:
         mean = (t[-1] - t[0]) / (len(t) - 1)
         step = mean if abs(mean - step) * len(t) < 0.1 * step else step
     count = int(np.floor((t[-1] - t[0]) / step + 1e-3)) + 1
-    if count > max(RESAMPLING_SETTINGS.most_samples, RESAMPLING_SETTINGS.most_per_row * len(t)):
+    if count > max(SETTINGS.most_samples, SETTINGS.most_per_row * len(t)):
         row = int(np.argmax(np.diff(t)))
         raise TrialError(
             f"{file}: t_s: a base of {1.0 / step:.4g} Hz over {t[-1] - t[0]:.4g} s would have {count:.3g}"
@@ -305,7 +305,7 @@ def held(signal: Signal, t: Array) -> Array:
     # Stamps that are those of the base but for rounding are the base's; seconds since 1970 are coarse.
     places = (signal.t - t[0]) / step
     whole = np.round(places)
-    tick = max(RESAMPLING_SETTINGS.equal_share, 4.0 * float(np.spacing(abs(t[-1]))) / step)
+    tick = max(SETTINGS.equal_share, 4.0 * float(np.spacing(abs(t[-1]))) / step)
     places = np.where(np.abs(places - whole) <= tick, whole, places)
     begins = np.arange(len(t), dtype=float)
     before = np.maximum(np.searchsorted(places, begins, side="right") - 1, 0)
@@ -326,24 +326,19 @@ def silences(t: Array, y: Array, base: Array) -> list[tuple[float, float]]:
     """Spans (start, end) in s of `base` (n,) in which a stream (m, k) of commands of a fixed rate fell silent
     and is unknown. A stream that is logged when it changes, or now and then, holds until the next sample.
     """
-    if len(t) < RESAMPLING_SETTINGS.fewest_commands:
+    if len(t) < SETTINGS.fewest_commands:
         return []
     intervals = np.diff(t)
     usual = float(np.median(intervals))
-    limit = max(RESAMPLING_SETTINGS.silent_s, RESAMPLING_SETTINGS.silent_intervals * usual)
+    limit = max(SETTINGS.silent_s, SETTINGS.silent_intervals * usual)
     long = intervals > limit
-    steady = (intervals < RESAMPLING_SETTINGS.regular_spread * usual) & (
-        intervals > usual / RESAMPLING_SETTINGS.regular_spread
-    )
-    if (
-        steady.mean() < RESAMPLING_SETTINGS.regular_share
-        or float(intervals[~long].sum()) < RESAMPLING_SETTINGS.shortest_commands_s
-    ):
+    steady = (intervals < SETTINGS.regular_spread * usual) & (intervals > usual / SETTINGS.regular_spread)
+    if steady.mean() < SETTINGS.regular_share or float(intervals[~long].sum()) < SETTINGS.shortest_commands_s:
         return []
     # Rows that go on while all commands rest: the log has every sample, not every change.
     rests = runs(np.logical_and.reduce(y[1:] == y[:-1], axis=1) & ~long)
     resting = any(t[stop] - t[start] > limit for start, stop in rests)
-    if long.sum() > RESAMPLING_SETTINGS.most_silences and not resting:
+    if long.sum() > SETTINGS.most_silences and not resting:
         return []
     edges = [float(base[0]), *t.tolist(), float(base[-1])]
     return [(start, end) for start, end in pairwise(edges) if end - start > limit]
@@ -393,11 +388,11 @@ def between(times: Array, y: Array, bad: Mask, t: Array, step: float) -> tuple[A
     if not good.any():
         return np.zeros(len(t)), np.zeros(len(t), bool)
     last = len(times) - 1
-    tick = RESAMPLING_SETTINGS.equal_share * step
+    tick = SETTINGS.equal_share * step
     before = np.clip(np.searchsorted(times, t + tick, side="right") - 1, 0, last)
     after = np.clip(np.searchsorted(times, t - tick, side="left"), 0, last)
     inside = (t >= times[0] - tick) & (t <= times[-1] + tick)
-    near = times[after] - times[before] <= RESAMPLING_SETTINGS.gap_intervals * step
+    near = times[after] - times[before] <= SETTINGS.gap_intervals * step
     return np.interp(t, times[good], y[good]), inside & near & good[before] & good[after]
 
 
@@ -410,12 +405,12 @@ def common(t: Array, signals: Mapping[str, Signal], rate_hz: float | None, repor
     """Uniform times (n,), s, at `rate_hz`, else at the rate of the rows `t` where a sensor has samples in
     nearly all of them, else at that of the fastest one that shows the motion, to three digits.
     """
-    able = [signal for signal in signals.values() if len(signal.t) >= RESAMPLING_SETTINGS.fewest_samples]
+    able = [signal for signal in signals.values() if len(signal.t) >= SETTINGS.fewest_samples]
     moving = [signal for signal in able if signal.name in _MOVING] or able
     rows = max((len(signal.t) for signal in moving), default=len(t))
-    if rate_hz or rows >= RESAMPLING_SETTINGS.row_share * len(t):
+    if rate_hz or rows >= SETTINGS.row_share * len(t):
         step, usual = base_step(t), usual_interval(t)
-        if not rate_hz and usual > RESAMPLING_SETTINGS.uneven_ratio * step:
+        if not rate_hz and usual > SETTINGS.uneven_ratio * step:
             report.info("stamps uneven", _BASE, step_s=step, usual_s=usual)
         return uniform(t, rate_hz, report.source)
     if not moving:
@@ -447,7 +442,7 @@ def evenly_stamped(
         spread = spreads[stamps]
         assert spread is not None
         report.warning("bursts", ", ".join(names), bursts=spread.bursts, step_s=spread.step_s)
-        if len(spread.t) >= RESAMPLING_SETTINGS.row_share * len(t):
+        if len(spread.t) >= SETTINGS.row_share * len(t):
             t = spread.t
     return result, t
 
@@ -488,7 +483,7 @@ def _one_sensor(present: Mask) -> bool:
     counts = present.sum(axis=0)
     used = counts > 0
     shared = int(np.logical_and.reduce(present[:, used], axis=1).sum())
-    return shared >= RESAMPLING_SETTINGS.shared_share * int(counts.max(initial=0))
+    return shared >= SETTINGS.shared_share * int(counts.max(initial=0))
 
 
 def own_samples(
@@ -527,9 +522,9 @@ def most_moving(samples: Mapping[str, tuple[Array, Array]], most: int) -> dict[s
     edges = np.linspace(
         min(t[0] for t, _ in samples.values() if len(t)),
         max(t[-1] for t, _ in samples.values() if len(t)),
-        RESAMPLING_SETTINGS.motion_blocks + 1,
+        SETTINGS.motion_blocks + 1,
     )
-    motion = np.zeros(RESAMPLING_SETTINGS.motion_blocks)
+    motion = np.zeros(SETTINGS.motion_blocks)
     bounds = {channel: np.searchsorted(t, edges) for channel, (t, _) in samples.items()}
     for channel, (_, y) in samples.items():
         # A heading that turns round and round would be as still as none by its wrapped values.
@@ -539,9 +534,7 @@ def most_moving(samples: Mapping[str, tuple[Array, Array]], most: int) -> dict[s
         motion += spread / max(float(spread.sum()), 1e-300)
     # As many blocks as the densest stretch of any channel allows, one at least.
     counts = np.stack([np.diff(limits) for limits in bounds.values()])
-    wide = next(
-        (k for k in range(RESAMPLING_SETTINGS.motion_blocks, 1, -1) if _sums(counts, k).max() <= most), 1
-    )
+    wide = next((k for k in range(SETTINGS.motion_blocks, 1, -1) if _sums(counts, k).max() <= most), 1)
     first = int(np.argmax(_sums(motion[None], wide)[0]))
     return {
         channel: (t[a:b][:most], y[a:b][:most])
@@ -559,7 +552,7 @@ def _same(t: Array, base: Array | None) -> bool:
     """Whether stamps are those of the time base."""
     if base is None or len(t) != len(base) or len(t) < 2:
         return False
-    return bool(np.max(np.abs(t - base)) <= RESAMPLING_SETTINGS.equal_share * (base[1] - base[0]))
+    return bool(np.max(np.abs(t - base)) <= SETTINGS.equal_share * (base[1] - base[0]))
 
 
 def _kept(t: Array, y: Array, good: Mask) -> tuple[Array, Array]:

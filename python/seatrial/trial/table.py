@@ -77,6 +77,7 @@ def time_base(table: pl.DataFrame, source: Source, file: str) -> Array:
         row = int(np.flatnonzero(~np.isfinite(t))[0])
         what = column[row] if dated is not None else t[row]
         raise TrialError(f"{where}: row {row + 1}: expected a time, found {what}; remove that row")
+    # Times must rise; slower rows than any motion are times in another unit.
     wrong = np.flatnonzero(np.diff(t) <= 0.0)
     if len(wrong):
         row = int(wrong[0]) + 1

@@ -6,9 +6,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from seatrial.base.finding import Severity
-from seatrial.base.report import Report, Section, Table
+from seatrial.base.report import Report, Section, Table, sentence_of
 from seatrial.check.campaign import CampaignCheck
 from seatrial.inspect.consistency import accepted
+from seatrial.inspect.corrections import NO_MOTION
 from seatrial.report.results import trial_findings
 from seatrial.report.results.consistency import correction_table, current_sentence
 
@@ -57,6 +58,32 @@ def report(check: CampaignCheck) -> Report:
             *(Section(f"Motion of trial {n}", k.details, details=True) for n, k in check.kinds.items()),
         ),
     )
+
+
+def warnings(check: CampaignCheck) -> list[str]:
+    """Channels that contradict one another, then what an identification says before its first search."""
+    unlike = [
+        f"WARNING: trial {name}: {sentence}"
+        for name, consistency in check.consistency.items()
+        for sentence in consistency.contradictions
+    ]
+    return [*unlike, *check.prepared]
+
+
+def data(check: CampaignCheck) -> list[str]:
+    """What kind of data the trials are, the worst first; then hold-outs for trials that have none."""
+    kinds = check.kinds
+    lines = [f"trial {name}: {sentence}" for name, kind in kinds.items() for sentence in kind.warnings]
+    for weak in check.weak:
+        most, trials = weak["most"], ", ".join(weak["trials"])
+        lines.append(
+            f"stage {weak.subject}: {most.channel} hardly moves in {trials} ({most.over_noise:.1f} times its"
+            f" noise): record a manoeuvre, or leave axis {weak['axis']} out"
+        )
+    still = sentence_of(NO_MOTION, "consistency")
+    lines += [f"trial {name}: {still}" for name, kind in kinds.items() if kind.still]
+    lines += [f"trial {name}: {kind.done}" for name, kind in kinds.items()]
+    return [*lines, *(f"trial {name}: {kinds[name].windows.sentence}" for name in check.unsplit)]
 
 
 def _consistency(name: str, consistency: Consistency) -> Section:

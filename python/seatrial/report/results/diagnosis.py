@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from seatrial.base.channels import AXES, VELOCITIES
 from seatrial.base.finding import Finding
 from seatrial.base.report import Table, listed
-from seatrial.diagnosis.identifiability import IDENTIFIABILITY_SETTINGS
+from seatrial.diagnosis.identifiability import SETTINGS as IDENTIFIABILITY_SETTINGS
 from seatrial.diagnosis.missing_terms import SETTINGS, Suggestion
 from seatrial.problem.parameter import STRIPS
 from seatrial.report.results import coefficient_advice as advice

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from seatrial.base.channels import CHANNELS, MOTIONS, readable
 from seatrial.base.report import Column, Report, Section, Table, appended
-from seatrial.diagnosis.assessment import ASSESSMENT_SETTINGS
+from seatrial.diagnosis.assessment import SETTINGS as ASSESSMENT_SETTINGS
 from seatrial.estimation.event_fit import SETTINGS
 from seatrial.identification.choice import Choice
 from seatrial.identification.estimate import (

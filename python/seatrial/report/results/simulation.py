@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from seatrial.base.finding import Finding
 from seatrial.base.report import Report, Section, Table
-from seatrial.trial.generated import SETTINGS, SimulatedTrial
+from seatrial.trial.simulation import SETTINGS, SimulatedTrial
 
 _DECIMALS = {"s": 1, "m": 2, "m/s": 3, "deg": 1}
 
