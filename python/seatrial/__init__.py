@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from seatrial.bench_test.result import BenchTest as BenchTest
     from seatrial.campaign.campaign import Campaign as Campaign
     from seatrial.control_design.start_autopilot import start_autopilot as start_autopilot
+    from seatrial.experiment.plan import Plan as Plan
     from seatrial.experiment.plan import plan as plan
-    from seatrial.experiment.plan_result import Plan as Plan
     from seatrial.export.c_code import CExport as CExport
     from seatrial.export.c_code import export_c as export_c
     from seatrial.export.fmu import FmuExport as FmuExport
@@ -81,7 +81,7 @@ if TYPE_CHECKING:
     from seatrial.verification.rare import RareFailures as RareFailures
     from seatrial.verification.requirement import Requirement as Requirement
     from seatrial.verification.scenario import Scenario as Scenario
-    from seatrial.verification.verification import Verification as Verification
+    from seatrial.verification.verify import Verification as Verification
     from seatrial.verification.verify import verify as verify
 
 _HOME = {
@@ -115,7 +115,7 @@ _HOME = {
     "ProcessNoise": "seatrial.flight.navigation",
     "SampleGate": "seatrial.flight.navigation",
     "Outage": "seatrial.flight.failures",
-    "Plan": "seatrial.experiment.plan_result",
+    "Plan": "seatrial.experiment.plan",
     "Problem": "seatrial.problem.problem",
     "ProgressBar": "seatrial.base.work",
     "Rare": "seatrial.verification.rare",
@@ -136,7 +136,7 @@ _HOME = {
     "Tuning": "seatrial.tuning.result",
     "Vehicle": "seatrial._core",
     "VehicleError": "seatrial.base.errors",
-    "Verification": "seatrial.verification.verification",
+    "Verification": "seatrial.verification.verify",
     "Water": "seatrial.flight.conditions",
     "Work": "seatrial.base.work",
     "bench": "seatrial.bench_test.evaluate",

@@ -18,7 +18,7 @@ from seatrial.cli.console import show
 from seatrial.report.plot import plotted
 from seatrial.report.plot.style import save
 from seatrial.verification.missions import CampaignFlights, MissionSettings
-from seatrial.verification.verification import Verification
+from seatrial.verification.verify import Verification
 from tests.flight.flying import OUT
 from tests.verification.verifying import SHORT, campaign, text
 

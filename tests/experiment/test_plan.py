@@ -31,8 +31,7 @@ from seatrial.experiment.fisher import (
 )
 from seatrial.experiment.forecast import Limits, simulated
 from seatrial.experiment.manoeuvre import Manoeuvre, coast_down, dive, free_decay, staircase, zigzag
-from seatrial.experiment.plan import plan
-from seatrial.experiment.plan_result import Change, Plan
+from seatrial.experiment.plan import Change, Plan, plan
 from seatrial.problem.parameter import Parameter
 from seatrial.report.plot.recording import planned_trial
 from seatrial.report.plot.style import save

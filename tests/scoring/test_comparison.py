@@ -15,8 +15,7 @@ from seatrial._core import Vehicle
 from seatrial.base.errors import TrialError
 from seatrial.cli import app
 from seatrial.report.plot.trials import variants
-from seatrial.scoring.comparison import Comparison, compare
-from seatrial.scoring.paired_windows import PAIR_SETTINGS, ratio, typical, window_sums
+from seatrial.scoring.comparison import PAIR_SETTINGS, Comparison, compare, ratio, typical, window_sums
 from seatrial.scoring.score import score
 from seatrial.trial.trial import Trial
 

@@ -11,9 +11,8 @@ import pytest
 from seatrial._core import Vehicle
 from seatrial.base.channels import CHANNELS
 from seatrial.identification.hold_out import likelihood_gain
-from seatrial.scoring.noise_limit import Unpredictable, bands, ceiling, unpredictable
 from seatrial.scoring.score import Score, score
-from seatrial.scoring.windows import ChannelScore, Window
+from seatrial.scoring.windows import ChannelScore, Unpredictable, Window, bands, ceiling, unpredictable
 from seatrial.trial.trial import Trial
 
 DT = 0.1

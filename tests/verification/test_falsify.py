@@ -13,8 +13,8 @@ import seatrial as st
 from seatrial.base.errors import CampaignError
 from seatrial.base.work import Work
 from seatrial.report.results.surveys import disturbance
+from seatrial.verification.chosen_missions import check_cases, draws_of, fly_cases
 from seatrial.verification.falsify import Falsification, Falsify
-from seatrial.verification.regression import check_cases, draws_of, fly_cases
 from seatrial.verification.scenario import Scenario
 from seatrial.verification.table import CaseTable, parse_verification
 from tests.verification.test_rare import prepared

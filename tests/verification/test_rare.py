@@ -15,9 +15,9 @@ from seatrial.base.errors import CampaignError
 from seatrial.base.work import Work
 from seatrial.identification.fitted import Fitted
 from seatrial.verification.boundary import FailureBoundary
+from seatrial.verification.chosen_missions import MissionSpace
 from seatrial.verification.falsify import Falsification
 from seatrial.verification.judgement import completion, robustness
-from seatrial.verification.mission_space import MissionSpace
 from seatrial.verification.rare import Rare, RareFailures
 from seatrial.verification.scenario import Scenario
 

@@ -14,10 +14,10 @@ from seatrial.verification.mission_log.log import (
     SETTINGS,
     MissionLog,
     errors_of_guidance,
-    mission_envelope,
-    prediction_band,
+    log_metrics,
+    logged_steps,
 )
-from seatrial.verification.mission_log.metrics import log_metrics, logged_steps
+from seatrial.verification.mission_log.verdict import mission_envelope, prediction_band
 from tests.verification.recorded_logs import MISSION, fitted, flight, log
 
 

@@ -13,9 +13,8 @@ from scipy.spatial.transform import Rotation
 
 import seatrial as st
 from seatrial.base.frames import continuous
-from seatrial.verification.mission_log.candidates import Suspect, candidates, payload
 from seatrial.verification.mission_log.spread import Spread, restarts, spread_of_reference
-from seatrial.verification.mission_log.suspects import suspects
+from seatrial.verification.mission_log.suspects import Suspect, candidates, payload, suspects
 from tests.verification.recorded_logs import MISSION, fitted, log
 
 

@@ -10,7 +10,7 @@ import pytest
 import seatrial as st
 from seatrial.statistics.proportions import share
 from seatrial.verification.scenario import Scenario
-from seatrial.verification.verification import Verification
+from seatrial.verification.verify import Verification
 from tests.flight.flying import OUT
 from tests.verification.verifying import campaign
 

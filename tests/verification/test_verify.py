@@ -24,8 +24,7 @@ from seatrial.verification.flown_missions import FlownMissions, metrics_for_requ
 from seatrial.verification.judgement import judged
 from seatrial.verification.missions import CampaignFlights
 from seatrial.verification.requirement import Requirement
-from seatrial.verification.verification import Verification, compared, mcnemar
-from seatrial.verification.verify import VerifySettings
+from seatrial.verification.verify import Verification, VerifySettings, compared, mcnemar
 from tests.base.killed import kill
 from tests.flight.flying import OUT
 from tests.report.figures import assert_on_page

@@ -35,8 +35,7 @@ if TYPE_CHECKING:
     from seatrial.tuning.result import Tuning
     from seatrial.verification.mission_log.verdict import LogVerdict
     from seatrial.verification.scenario import Scenario
-    from seatrial.verification.verification import Verification
-    from seatrial.verification.verify import Strategy
+    from seatrial.verification.verify import Strategy, Verification
 
 _R = TypeVar("_R")
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from seatrial.campaign.campaign import Campaign
     from seatrial.experiment.fisher import Instruments
     from seatrial.experiment.forecast import Limits
-    from seatrial.experiment.plan_result import Plan
+    from seatrial.experiment.plan import Plan
     from seatrial.report.page.run_folder import RunFolder
 
 

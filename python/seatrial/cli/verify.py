@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from seatrial.base.work import Work
     from seatrial.campaign.campaign import Campaign
     from seatrial.verification.scenario import Scenario
-    from seatrial.verification.verification import Verification
+    from seatrial.verification.verify import Verification
 
 CampaignFile = Annotated[Path, typer.Argument(help="Campaign file (TOML) with a table verification.")]
 

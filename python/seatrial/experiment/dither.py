@@ -31,6 +31,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from seatrial._core import State
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, DEGREE, MOTIONS, VELOCITIES
 from seatrial.base.errors import CampaignError
@@ -68,7 +69,7 @@ class DitherSettings:
     floor: float = 1e-3  #: Part of the whole spectrum that is taken for waves at least, at every frequency.
 
 
-DITHER_SETTINGS = DitherSettings()
+SETTINGS = DitherSettings()
 
 
 _STATES = (*VELOCITIES, "roll", "pitch")
@@ -77,27 +78,14 @@ _BEGIN, _TAPS = (1, 0, 0, 1, 1, 0, 1, 0, 1), (9, 5)  # of the shift register: a 
 
 @dataclass(frozen=True)
 class Dither(Plain):
-    """A dither for one axis.
+    """A dither for one axis, a letter among ``XYZKMN``.
 
-    Attributes
-    ----------
-    axis
-        Letter among ``XYZKMN``.
-    amplitude
-        By actuator, in the unit of its command; negative where it starts the other way.
-    units
-        Of the commands, by actuator.
-    hold_s, begin_s, duration_s
-        How long a level is held at least, when the sequence begins and how long it takes.
-    wave_period_s
-        Of the log's waves; NaN where none were seen.
-    deviation
-        Relative standard deviation of the gain expected afterwards, a lower bound: only its axis' own damping
-        is unknown beside it, and waves are the only error.
-    share_before, share
-        Part of the axis' motion that exogenous commands drive, in the log and expected with the dither.
-    wanted
-        The relative standard deviation that was asked for.
+    `amplitude`: by actuator, in the unit of its command (`units`); negative where it starts the other way.
+    `hold_s`, `begin_s`, `duration_s`: how long a level is held at least, when the sequence begins and how
+    long it takes. `wave_period_s`: of the log's waves; NaN where none were seen. `deviation`: relative
+    standard deviation of the gain expected afterwards, a lower bound: only its axis' own damping is unknown
+    beside it, and waves are the only error; `wanted`: what was asked for. `share_before`, `share`: part of
+    the axis' motion that exogenous commands drive, in the log and expected with the dither.
     """
 
     axis: str
@@ -179,7 +167,7 @@ def dithers(
     vehicle: Vehicle,
     verdicts: Mapping[str, Verdict],
     *,
-    deviation: float = DITHER_SETTINGS.gain_sd,
+    deviation: float = SETTINGS.gain_sd,
     voltage_v: float = NOMINAL_V,
 ) -> tuple[Dither, ...]:
     """Dither for each axis that feedback dominates, sized on the trial where the waves move it least.
@@ -221,11 +209,11 @@ def _sized(trial: Trial, vehicle: Vehicle, verdict: Verdict, wanted: float, volt
         command = trial.commands[name] - facts[name]["neutral"]
         middle, swing = (
             float(np.median(command)),
-            float(np.std(command[round(DITHER_SETTINGS.settled_s / trial.dt) :])),
+            float(np.std(command[round(SETTINGS.settled_s / trial.dt) :])),
         )
         # The waves may take the sum of both to the limit now and then: about one sample in six.
         left = min(ahead - middle, astern + middle) - swing
-        largest[name] = max(left, DITHER_SETTINGS.least_share * 0.5 * (ahead + astern)) * math.copysign(
+        largest[name] = max(left, SETTINGS.least_share * 0.5 * (ahead + astern)) * math.copysign(
             1.0, pushes[name]
         )
     y = trial.filled(VELOCITIES[AXES.index(axis)])
@@ -233,11 +221,7 @@ def _sized(trial: Trial, vehicle: Vehicle, verdict: Verdict, wanted: float, volt
     # The commands of the log as one signal, in shares of the largest dither.
     scale = sum(abs(pushes[name] * a) for name, a in largest.items())
     drive = sum((pushes[name] * trial.commands[name] for name in largest), np.zeros(len(trial))) / scale
-    settled = (
-        round(DITHER_SETTINGS.settled_s / trial.dt)
-        if len(y) > 4 * DITHER_SETTINGS.settled_s / trial.dt
-        else 0
-    )
+    settled = round(SETTINGS.settled_s / trial.dt) if len(y) > 4 * SETTINGS.settled_s / trial.dt else 0
     pair = {
         "fs": 1.0 / trial.dt,
         "nperseg": min(len(y) - settled, round(100.0 / trial.dt)),
@@ -246,7 +230,7 @@ def _sized(trial: Trial, vehicle: Vehicle, verdict: Verdict, wanted: float, volt
     y, drive = y[settled:], drive[settled:]
     f, whole = welch(y, **pair)
     # Without waves the motion itself says how fast the axis is.
-    moving = f > DITHER_SETTINGS.slowest_hz
+    moving = f > SETTINGS.slowest_hz
     own = float(whole[moving].sum() / (f[moving] @ whole[moving]))
     period = verdict.wave_period_s if math.isfinite(verdict.wave_period_s) else own
     kept = moving & (f < 2.0 / period)
@@ -255,7 +239,7 @@ def _sized(trial: Trial, vehicle: Vehicle, verdict: Verdict, wanted: float, volt
     together = csd(drive, y, **pair)[1][kept]
     # Spectrum of d = y - G c; an unstable answer has one too. It is no smaller than what rounding leaves.
     waves = whole + np.abs(gain) ** 2 * driving - 2.0 * (gain.conj() * together).real
-    waves = np.maximum(waves, DITHER_SETTINGS.floor * whole)
+    waves = np.maximum(waves, SETTINGS.floor * whole)
     step = f[1] - f[0]
 
     def of(hold: float, duration: float, part: float = 1.0) -> Dither:
@@ -271,7 +255,7 @@ def _sized(trial: Trial, vehicle: Vehicle, verdict: Verdict, wanted: float, volt
             amplitude={name: part * a for name, a in largest.items()},
             units={name: str(facts[name]["unit"]) for name in largest},
             hold_s=round(hold, 1),
-            begin_s=DITHER_SETTINGS.settled_s,
+            begin_s=SETTINGS.settled_s,
             duration_s=duration,
             wave_period_s=verdict.wave_period_s,
             deviation=spread,
@@ -280,19 +264,13 @@ def _sized(trial: Trial, vehicle: Vehicle, verdict: Verdict, wanted: float, volt
             wanted=wanted,
         )
 
-    best = max(
-        (of(k * period, DITHER_SETTINGS.shortest_s) for k in DITHER_SETTINGS.holds), key=lambda d: d.share
-    )
+    best = max((of(k * period, SETTINGS.shortest_s) for k in SETTINGS.holds), key=lambda d: d.share)
     odds = best.share / max(1.0 - best.share, 1e-12)
-    part = min(
-        max(math.sqrt(DITHER_SETTINGS.enough_odds / max(odds, 1e-12)), DITHER_SETTINGS.least_part), 1.0
-    )
-    best = of(best.hold_s, DITHER_SETTINGS.shortest_s, part)
+    part = min(max(math.sqrt(SETTINGS.enough_odds / max(odds, 1e-12)), SETTINGS.least_part), 1.0)
+    best = of(best.hold_s, SETTINGS.shortest_s, part)
     # The deviation falls with the root of the time.
-    needed = DITHER_SETTINGS.shortest_s * (best.deviation / wanted) ** 2
-    duration = float(
-        min(max(60.0 * math.ceil(needed / 60.0), DITHER_SETTINGS.shortest_s), DITHER_SETTINGS.longest_s)
-    )
+    needed = SETTINGS.shortest_s * (best.deviation / wanted) ** 2
+    duration = float(min(max(60.0 * math.ceil(needed / 60.0), SETTINGS.shortest_s), SETTINGS.longest_s))
     return of(best.hold_s, duration, part)
 
 
@@ -304,9 +282,7 @@ def _response(
     The equation of motion with its actuators, linear about the log's middle: differences of short runs. The
     lag of motors is left out. The second is the answer's derivative by the logarithm of the damping.
     """
-    from seatrial._core import State
-
-    t = np.array([0.0, DITHER_SETTINGS.difference_s])
+    t = np.array([0.0, SETTINGS.difference_s])
     supply = voltage_for(vehicle, t, voltage_v)
     middle = {c: 0.0 if (y := trial.filled(c)) is None else float(np.median(y)) for c in (*_STATES, "z")}
     held = {name: float(np.median(y)) for name, y in trial.commands.items()}
@@ -320,22 +296,23 @@ def _response(
             actuators=commands,
         )
         steady = {name: np.full(2, value) for name, value in commands.items()}
-        run = vehicle.simulate(t, steady, start, voltage_v=supply, max_step_s=DITHER_SETTINGS.difference_s)
-        return np.asarray(run.nu[1] - run.nu[0]) / DITHER_SETTINGS.difference_s
+        run = vehicle.simulate(t, steady, start, voltage_v=supply, max_step_s=SETTINGS.difference_s)
+        return np.asarray(run.nu[1] - run.nu[0]) / SETTINGS.difference_s
 
+    # Central differences of the accelerations by every state, then by the dither.
     matrix = np.zeros((len(_STATES), len(_STATES)))
     for column, name in enumerate(_STATES):
         sides = [
-            acceleration(middle | {name: middle[name] + s * DITHER_SETTINGS.difference_command}, 0.0)
+            acceleration(middle | {name: middle[name] + s * SETTINGS.difference_command}, 0.0)
             for s in (1.0, -1.0)
         ]
-        matrix[:6, column] = (sides[0] - sides[1]) / (2.0 * DITHER_SETTINGS.difference_command)
+        matrix[:6, column] = (sides[0] - sides[1]) / (2.0 * SETTINGS.difference_command)
     matrix[6, 3] = matrix[7, 4] = 1.0  # roll and pitch turn with their rates
     push = np.zeros(len(_STATES))
     push[:6] = (
-        acceleration(middle, DITHER_SETTINGS.difference_m_s)
-        - acceleration(middle, -DITHER_SETTINGS.difference_m_s)
-    ) / (2.0 * DITHER_SETTINGS.difference_m_s)
+        acceleration(middle, SETTINGS.difference_m_s) - acceleration(middle, -SETTINGS.difference_m_s)
+    ) / (2.0 * SETTINGS.difference_m_s)
+    # Transfer function at every frequency, (j 2 pi f - A)^-1 b, in the row of the axis.
     index = AXES.index(axis)
     inverse = np.linalg.inv(2j * np.pi * f[:, None, None] * np.eye(len(_STATES)) - matrix)
     answer = inverse[:, index] @ push

@@ -62,23 +62,13 @@ _CURRENTS = ("current_north", "current_east")
 
 @dataclass(frozen=True)
 class Instruments:
-    """What is measured and how well.
-
-    Attributes
-    ----------
-    noise
-        Standard deviation per channel in SI.
-    correlation_s
-        Time over which residuals repeat one another: one sample in that time counts.
-    segment_s
-        Length of the segments, s.
-    current_m_s
-        Standard deviation of an unknown steady current, north and east; 0 if there is none.
-    """
+    """What is measured and how well: standard deviation of the noise per channel in SI."""
 
     noise: Mapping[str, float]
+    #: Time over which residuals repeat one another, s: one sample in that time counts.
     correlation_s: float = 1.0
-    segment_s: float = 20.0
+    segment_s: float = 20.0  #: Length of the segments, s.
+    #: Standard deviation of an unknown steady current, north and east, m/s; 0 if there is none.
     current_m_s: float = 0.1
 
     def __post_init__(self) -> None:
@@ -99,18 +89,8 @@ class Instruments:
     def on_board(cls, kinds: Mapping[str, float | None] | None = None, **further: float) -> Instruments:
         """Instruments by kind, each with its noise in its own unit, m/s, deg/s, deg, m; None: the usual.
 
-        Parameters
-        ----------
-        kinds : mapping, optional
-            Kinds of `seatrial.sensors.sensor.KINDS`; by default DVL 0.01 m/s, gyro 0.2 deg/s, attitude
-            0.5 deg, depth 0.02 m. The usual position sensor has 0.5 m.
-        **further : float
-            Attributes of `Instruments`.
-
-        Raises
-        ------
-        CampaignError
-            An unknown kind or a noise that is not positive.
+        `kinds` are of `seatrial.sensors.sensor.KINDS`, by default those of `NOISE`; `further` are attributes.
+        Raises CampaignError where a kind is unknown or a noise is not positive.
 
         Examples
         --------
@@ -149,23 +129,20 @@ def information(
         )
     channels = [channel for channel in CHANNELS if channel in instruments.noise]
     currents = _CURRENTS if instruments.current_m_s > 0.0 else ()
-    segments, initials = _segments(run, manoeuvre, instruments), _initial_sd(instruments)
+    names, initials, values = coefficient_names(parameters), _initial_sd(instruments), vehicle.coefficients()
+    supply = voltage_for(vehicle, manoeuvre.t, voltage_v)
+    # As many steps per sample as the fastest motion needs.
+    speeds = np.abs(np.asarray(run.nu)).max(axis=0)
     loop = OpenLoop(
         vehicle,
-        [
-            Record(
-                manoeuvre.t, dict(manoeuvre.commands), voltage_v=voltage_for(vehicle, manoeuvre.t, voltage_v)
-            )
-        ],
-        segments,
-        names=coefficient_names(parameters),
-        substeps=_substeps(vehicle, run, manoeuvre),
+        [Record(manoeuvre.t, dict(manoeuvre.commands), voltage_v=supply)],
+        _segments(run, manoeuvre, instruments),
+        names=names,
+        substeps=stage_step(vehicle, (), free="XYZKMN", speeds=speeds, dt=manoeuvre.dt).substeps,
     )
-    values = vehicle.coefficients()
-    matrix = expansion_matrix(parameters)
     shown = loop.sensitivities(
-        [values.get(name, 0.0) for name in coefficient_names(parameters)],
-        matrix,
+        [values.get(name, 0.0) for name in names],
+        expansion_matrix(parameters),
         nuisances=currents,
         initials=list(initials),
         channels=channels,
@@ -201,12 +178,6 @@ def _segments(
         for first, end in pairwise(edges)
         if end > first
     ]
-
-
-def _substeps(vehicle: Vehicle, run: Run, manoeuvre: Manoeuvre) -> int:
-    """Steps per sample that follow the fastest motion."""
-    speeds = np.abs(np.asarray(run.nu)).max(axis=0)
-    return stage_step(vehicle, (), free="XYZKMN", speeds=speeds, dt=manoeuvre.dt).substeps
 
 
 def _noise(rows: Array, channels: Sequence[str], instruments: Instruments) -> Array:

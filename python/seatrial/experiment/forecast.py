@@ -18,10 +18,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seatrial._core import Vehicle
+from seatrial._core import State, Vehicle
+from seatrial.base.channels import AXES
 from seatrial.base.errors import DivergenceError, VehicleError
 from seatrial.experiment import manoeuvre
-from seatrial.experiment.combinations import AHEAD, Combination, Thrusters
+from seatrial.experiment.combinations import AHEAD, Thrusters
 from seatrial.experiment.manoeuvre import Manoeuvre, free_decay
 from seatrial.vehicle.actuators import NOMINAL_V, voltage_for
 from seatrial.vehicle.stability import statics
@@ -49,7 +50,7 @@ class ForecastSettings:
     longest_decay_s: float = 90.0  #: Longest decay, s.
 
 
-FORECAST_SETTINGS = ForecastSettings()
+SETTINGS = ForecastSettings()
 
 
 @dataclass(frozen=True)
@@ -72,20 +73,10 @@ class Limits:
 class Forecast:
     """What a manoeuvre takes, for both vehicles together.
 
-    Attributes
-    ----------
-    along_m, across_m
-        Room along the course at the start and across it, hull included, m.
-    start_depth_m, deepest_m
-        Least depth of O to start at, and the greatest reached from there, m.
-    roll_deg, pitch_deg, speed_m_s
-        Largest heel, trim and speed.
-    drift_m
-        Largest distance between the two.
-    warnings
-        Sentences.
-    excess
-        Why it does not fit the limits; None if it does.
+    `along_m`, `across_m`: room along the course at the start and across it, hull included. `start_depth_m`,
+    `deepest_m`: least depth of O to start at, and the greatest reached from there. `roll_deg`, `pitch_deg`,
+    `speed_m_s`: largest heel, trim and speed. `drift_m`: largest distance between the two. `warnings`:
+    sentences. `excess`: why it does not fit the limits; None if it does.
     """
 
     along_m: float
@@ -104,8 +95,6 @@ def simulated(
     vehicle: Vehicle, manoeuvre: Manoeuvre, *, voltage_v: float = NOMINAL_V, tilt_deg: float = 0.0
 ) -> Run:
     """Run of a manoeuvre from position zero; it starts heeled and trimmed by `tilt_deg` more."""
-    from seatrial._core import State
-
     start, t = manoeuvre.start, manoeuvre.t
     state = State(
         attitude=np.deg2rad([start.roll_deg + tilt_deg, start.pitch_deg + tilt_deg, 0.0]),
@@ -117,7 +106,7 @@ def simulated(
         dict(manoeuvre.commands),
         state,
         voltage_v=voltage_for(vehicle, t, voltage_v),
-        max_step_s=FORECAST_SETTINGS.longest_step_s,
+        max_step_s=SETTINGS.longest_step_s,
     )
 
 
@@ -132,7 +121,7 @@ def uneven(vehicle: Vehicle) -> Vehicle:
         # Yaw first: port against starboard; what does not turn the vehicle may pitch or heel it.
         turns = next((float(m) for m in (matrix[5, k], matrix[4, k], matrix[3, k]) if abs(m) > 1e-3), 1.0)
         gains[f"{name}.gain"] = vehicle.coefficients()[f"{name}.gain"] * (
-            1.0 + FORECAST_SETTINGS.uneven * np.sign(turns)
+            1.0 + SETTINGS.uneven * np.sign(turns)
         )
     return vehicle.with_coefficients(gains)
 
@@ -162,17 +151,18 @@ def forecast(
     try:
         runs = [
             simulated(vehicle, manoeuvre, voltage_v=voltage_v),
-            simulated(other, manoeuvre, voltage_v=voltage_v, tilt_deg=FORECAST_SETTINGS.start_tilt_deg),
+            simulated(other, manoeuvre, voltage_v=voltage_v, tilt_deg=SETTINGS.start_tilt_deg),
         ]
     except DivergenceError:
-        none = float("nan")
-        return Forecast(none, none, none, none, none, none, none, none, (), "the simulation diverges")
+        return Forecast(*[float("nan")] * 8, (), "the simulation diverges")
     # The worse of two vehicles counts: as modelled, and with uneven thrust and a tilt at the start.
     position = np.array([run.position for run in runs])
     euler = np.rad2deg([run.euler for run in runs])
     nu = np.array([run.nu for run in runs])
     # The place that the hull sweeps; the start is as deep as keeps it clear of the surface.
-    hull, clearance = _sizes(vehicle)
+    measures = vehicle.geometry()
+    hull = measures.get("length", 1.0)
+    clearance = 2.0 * max(measures.get("diameter", 0.25), measures.get("height", 0.0))  # two diameters
     along, across = (float(np.ptp(position[:, :, axis])) + hull for axis in (0, 1))
     start_depth = clearance - float(position[:, :, 2].min())
     deepest = start_depth + float(position[:, :, 2].max())
@@ -180,11 +170,16 @@ def forecast(
     # What the two differ by tells how far the plan can be trusted without feedback.
     drift = float(np.linalg.norm(position[0] - position[1], axis=1).max())
     path = float(np.linalg.norm(np.diff(position[0], axis=0), axis=1).sum())
-    warnings = [*_tilted("heel", roll), *_tilted("trim", pitch)]
+    steep = SETTINGS.steep_deg
+    warnings = [
+        f"{word} above {steep:g} deg: {angle:.0f} deg"
+        for word, angle in (("heel", roll), ("trim", pitch))
+        if angle > steep
+    ]
     if drift > max(2.0 * hull, 0.1 * path):
         warnings.append(
-            f"open loop: thrust {100 * FORECAST_SETTINGS.uneven:.0f} % uneven and"
-            f" {FORECAST_SETTINGS.start_tilt_deg:g} deg of tilt at the start end {drift:.0f} m off the plan"
+            f"open loop: thrust {100 * SETTINGS.uneven:.0f} % uneven and"
+            f" {SETTINGS.start_tilt_deg:g} deg of tilt at the start end {drift:.0f} m off the plan"
         )
     if manoeuvre.start.roll_deg or manoeuvre.start.pitch_deg:
         warnings.append("hands or lines at the vehicle before each release" + _heavy(vehicle, manoeuvre))
@@ -215,14 +210,6 @@ def _excess(limits: Limits, area: tuple[float, float], deepest: float, tilt: flo
     return None
 
 
-def _tilted(word: str, angle: float) -> list[str]:
-    return (
-        [f"{word} above {FORECAST_SETTINGS.steep_deg:g} deg: {angle:.0f} deg"]
-        if angle > FORECAST_SETTINGS.steep_deg
-        else []
-    )
-
-
 def _heavy(vehicle: Vehicle, manoeuvre: Manoeuvre) -> str:
     """What it takes to tilt a vehicle that is heavy to tilt."""
     start = manoeuvre.start
@@ -231,13 +218,6 @@ def _heavy(vehicle: Vehicle, manoeuvre: Manoeuvre) -> str:
     size = float(np.linalg.norm(moments))
     # Such a tilt takes more than hands.
     return f", {size:.0f} N m: a line to a boat or shifted ballast" if size > 60.0 else ""
-
-
-def _sizes(vehicle: Vehicle) -> tuple[float, float]:
-    """Length of the hull, and the least depth of O that keeps it clear of the surface: two diameters, m."""
-    measures = vehicle.geometry()
-    length = measures.get("length", 1.0)
-    return length, 2.0 * max(measures.get("diameter", 0.25), measures.get("height", 0.0))
 
 
 Build = Callable[[float, float], Manoeuvre]
@@ -273,7 +253,7 @@ def proposals(
         fitting, reason = _fitted(build, vehicle, other, limits, duration_s, voltage_v)
         accepted += fitting
         if not fitting:
-            refused[build(duration_s, FORECAST_SETTINGS.amplitudes[0]).name] = reason
+            refused[build(duration_s, SETTINGS.amplitudes[0]).name] = reason
     for decay in _decays(thrusters, duration_s, limits):
         seen = forecast(decay, vehicle, other, limits=limits, voltage_v=voltage_v)
         if seen.excess is None:
@@ -295,25 +275,25 @@ def _fitted(
 
     accepted: list[Proposal] = []
     reason, largest = "", 0.0
-    pause = build(duration_s, FORECAST_SETTINGS.amplitudes[0]).pause_s
-    for parts in FORECAST_SETTINGS.parts:
+    pause = build(duration_s, SETTINGS.amplitudes[0]).pause_s
+    for parts in SETTINGS.parts:
         span = (duration_s - (parts - 1) * pause) / parts
-        if largest == FORECAST_SETTINGS.amplitudes[0] or (parts > 1 and span < FORECAST_SETTINGS.shortest_s):
+        if largest == SETTINGS.amplitudes[0] or (parts > 1 and span < SETTINGS.shortest_s):
             break
-        fits = tried(span, FORECAST_SETTINGS.amplitudes[0])
+        fits = tried(span, SETTINGS.amplitudes[0])
         reason = fits.forecast.excess or reason
-        low, high = 1, len(FORECAST_SETTINGS.amplitudes)
+        low, high = 1, len(SETTINGS.amplitudes)
         while fits.forecast.excess and low < high:  # bisection: what is smaller fits better
             middle = (low + high) // 2
-            smaller = tried(span, FORECAST_SETTINGS.amplitudes[middle])
+            smaller = tried(span, SETTINGS.amplitudes[middle])
             reason = smaller.forecast.excess or reason
             low, high = (middle + 1, high) if smaller.forecast.excess else (low, middle)
-            if low == high < len(FORECAST_SETTINGS.amplitudes):
-                fits = tried(span, FORECAST_SETTINGS.amplitudes[low])
+            if low == high < len(SETTINGS.amplitudes):
+                fits = tried(span, SETTINGS.amplitudes[low])
         # What is shorter is only better where it can be larger.
         if fits.forecast.excess is None and fits.amplitude > largest:
             largest = fits.amplitude
-            small = tried(span, round(FORECAST_SETTINGS.small * largest, 3))
+            small = tried(span, round(SETTINGS.small * largest, 3))
             accepted += [fits, *([small] if small.forecast.excess is None else [])]
     return accepted, reason
 
@@ -342,18 +322,11 @@ def _sketches(thrusters: Thrusters) -> Iterator[Build]:
             if combination.needs_way:
                 yield of(manoeuvre.multisine, [combination], ahead=ahead)
     for ahead in (None, *(AHEAD if surge else ())):
-        together = _one_per_axis(thrusters, way=ahead is not None)
+        # The purest combination of every axis, at rest or under way.
+        usable = ([c for c in thrusters.combinations_of(axis) if ahead or not c.needs_way] for axis in AXES)
+        together = [combinations[0] for combinations in usable if combinations]
         if len(together) > 1:
             yield of(manoeuvre.multisine, together, ahead=ahead)
-
-
-def _one_per_axis(thrusters: Thrusters, *, way: bool) -> list[Combination]:
-    """The purest combination of every axis, at rest or under way."""
-    by_axis = (
-        [combination for combination in thrusters.combinations_of(axis) if way or not combination.needs_way]
-        for axis in "XYZKMN"
-    )
-    return [combinations[0] for combinations in by_axis if combinations]
 
 
 def _decays(thrusters: Thrusters, duration_s: float, limits: Limits) -> Iterator[Manoeuvre]:
@@ -366,8 +339,8 @@ def _decays(thrusters: Thrusters, duration_s: float, limits: Limits) -> Iterator
         if period is None:
             continue
         span = min(
-            max(FORECAST_SETTINGS.decay_periods * period, FORECAST_SETTINGS.shortest_decay_s),
-            FORECAST_SETTINGS.longest_decay_s,
+            max(SETTINGS.decay_periods * period, SETTINGS.shortest_decay_s),
+            SETTINGS.longest_decay_s,
             duration_s,
         )
         for ahead in ways:

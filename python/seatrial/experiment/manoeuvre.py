@@ -143,7 +143,7 @@ class RunSettings:
     lead_s: float = 2.0  #: Nothing happens, s: what the instruments show at rest.
 
 
-RUN_SETTINGS = RunSettings()
+SETTINGS = RunSettings()
 
 
 Kind = Literal["staircase", "coast-down", "zigzag", "spiral", "dive", "free decay", "multisine", "commands"]
@@ -163,20 +163,10 @@ class Start:
 class Manoeuvre:
     """Open-loop commands over time.
 
-    Attributes
-    ----------
-    name, kind
-        What to call it: "zigzag yaw, half ahead".
-    words
-        What is done, in a sentence.
-    t
-        Uniform times in s, shape (n,), from zero on.
-    commands
-        By actuator (n,), each in its own unit, held from sample to sample.
-    start
-        State at t = 0.
-    pause_s
-        Time that it takes to start it again: turning back, tilting the vehicle by hand.
+    `name`, `kind`: what to call it: "zigzag yaw, half ahead". `words`: what is done, in a sentence. `t`:
+    uniform times (n,) in s, from zero on. `commands`: by actuator (n,), each in its own unit, held from
+    sample to sample. `start`: state at t = 0. `pause_s`: time that it takes to start it again: turning back,
+    tilting the vehicle by hand.
     """
 
     name: str
@@ -220,21 +210,8 @@ def free_decay(
 ) -> Manoeuvre:
     """Let go from a heel ("K") or trim ("M"), or at depth ("Z"): motors stopped, or steadily ahead.
 
-    Parameters
-    ----------
-    thrusters : Thrusters
-    axis : str
-        "K", "M" or "Z".
-    duration_s : float
-    angle_deg : float
-        Heel to starboard or trim bow up; of heave it says nothing.
-    ahead : str, optional
-        Keep this thrust ahead and begin at the speed that it gives.
-
-    Raises
-    ------
-    VehicleError
-        No such decay.
+    Heeled to starboard or trimmed bow up by `angle_deg`; with `ahead` the thrust is kept, from the speed that
+    it gives. Raises VehicleError where the axis is none of these.
     """
     vehicle = thrusters.vehicle
     if axis not in "KMZ":
@@ -263,7 +240,7 @@ def free_decay(
         t=t,
         commands=thrusters.commands(np.tile(held, (len(t), 1))),
         start=start,
-        pause_s=RUN_SETTINGS.settle_s,
+        pause_s=SETTINGS.settle_s,
     )
 
 
@@ -455,13 +432,9 @@ def _manoeuvre(
     t = times(duration_s)
     trim = thrusters.trim()
     bias = trim if ahead is None else trim + thrusters.ahead(ahead)
-    run_up = (
-        RUN_SETTINGS.lead_s
-        if ahead is None
-        else max(
-            min(RUN_SETTINGS.run_up_share * duration_s, RUN_SETTINGS.longest_run_up_s), RUN_SETTINGS.lead_s
-        )
-    )
+    run_up = SETTINGS.lead_s
+    if ahead is not None:
+        run_up = max(min(SETTINGS.run_up_share * duration_s, SETTINGS.longest_run_up_s), run_up)
     extra = np.zeros((len(t), len(thrusters.names)))
     for combination, level in parts:
         shape = np.where(t >= run_up, level(np.maximum(t - run_up, 0.0), duration_s - run_up), 0.0)
@@ -479,7 +452,7 @@ def _manoeuvre(
         words,
         t,
         thrusters.commands(thrusts),
-        pause_s=RUN_SETTINGS.turn_back_s if travels else RUN_SETTINGS.settle_s,
+        pause_s=SETTINGS.turn_back_s if travels else SETTINGS.settle_s,
     )
 
 

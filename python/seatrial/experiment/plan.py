@@ -4,7 +4,7 @@ Every manoeuvre that fits into the given room is simulated with the model at its
 Fisher information is added to what is known (bounds, recorded trials), and the sum of the relative standard
 deviations that remain ranks it. Trials after the first are chosen greedily. A standard deviation is taken
 relative to the coefficient's value, which counts as no less than a tenth and no more than the whole of its
-bounds' width.
+bounds' width. The result names the trials in their order, the room each needs and the deviations it leaves.
 
 Source: Goodwin & Payne, *Dynamic System Identification* (1977), chapter 6; Fedorov, *Theory of Optimal
 Experiments* (1972): A-optimal design. With a wrong model the plan is only good, not optimal: plan again after
@@ -32,8 +32,7 @@ from seatrial.experiment.dither import Dither, dithers
 from seatrial.experiment.fisher import Instruments, information
 from seatrial.experiment.forecast import Limits, Proposal, forecast, proposals, uneven
 from seatrial.experiment.manoeuvre import Manoeuvre
-from seatrial.experiment.plan_result import IDENTIFIED, START, VEHICLE, Change, Plan, Ranked
-from seatrial.inspect.verdict import judge
+from seatrial.inspect.verdict import judge as judge_axes
 from seatrial.problem.parameter import Parameter
 from seatrial.problem.problem import Problem
 from seatrial.statistics.information import covariance
@@ -42,22 +41,40 @@ from seatrial.vehicle.actuators import NOMINAL_V
 if TYPE_CHECKING:
     from seatrial.identification.identification import Identification
     from seatrial.statistics.linearisation import Linearisation
+import json
+from dataclasses import field
+from typing import TYPE_CHECKING, Any, Self
+
+from seatrial.base.atomic_write import write_atomic, writing
+from seatrial.base.errors import TrialError
+from seatrial.base.plain import Plain
+from seatrial.base.run import RunResult, to_json
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.experiment.dither import Dither
+    from seatrial.experiment.fisher import Instruments
+    from seatrial.experiment.forecast import Forecast
+    from seatrial.experiment.manoeuvre import Manoeuvre
 
 
 @dataclass(frozen=True)
-class PlanSettings:
-    """How much a trial must tell."""
+class TrialPlanSettings:
+    """How much a trial must tell, and which deviations a plan calls unknown or better."""
 
     least_width: float = 0.1  #: Least share of the width of its bounds that a value is taken relative to.
     largest_width: float = 1.0  #: Largest share of that width.
     #: Of trials that are as good within a per cent, the one that needs the least area is taken.
     alike: float = 1.01
+    unknown_sd: float = 0.5  #: Relative deviation from which a coefficient is unknown.
+    better_share: float = 0.9  #: Of that deviation: a trial helps below it.
 
 
-SETTINGS = PlanSettings()
+PLAN_SETTINGS = TrialPlanSettings()
 
 
 @callers_errors_pass
+@one_blas_thread()
 def plan(
     what: Vehicle | Campaign | Problem | Identification,
     *,
@@ -128,40 +145,8 @@ def plan(
         raise CampaignError(f"budget: expected at least 10 s for a trial, found {budget_s:g} s")
     if count < 1:
         raise CampaignError(f"count: expected at least one trial to plan, found {count}")
-    with one_blas_thread():
-        return _planned(
-            _split(what, fit),
-            list(coefficients or ()),
-            budget_s=budget_s,
-            count=count,
-            limits=limits,
-            instruments=instruments,
-            candidates=candidates,
-            recorded=recorded,
-            use_recorded=use_recorded,
-            voltage_v=voltage_v,
-            threads=threads,
-            progress=progress,
-        )
-
-
-def _planned(
-    where: tuple[Vehicle, Problem | None, str],
-    names: list[str],
-    *,
-    budget_s: float,
-    count: int,
-    limits: Limits | None,
-    instruments: Instruments | None,
-    candidates: Iterable[Manoeuvre] | None,
-    recorded: Linearisation | None,
-    use_recorded: bool,
-    voltage_v: float,
-    threads: int | None,
-    progress: Callable[[Progress], None] | None,
-) -> Plan:
-    """The plan at the coefficients of a vehicle, which come `_split` from what was given."""
-    vehicle, problem, at = where
+    vehicle, problem, at = _split(what, fit)
+    names = list(coefficients or ())
     clock = Clock()
 
     def tell(fraction: float, what: str, done: int = 0, total: int = 0) -> None:
@@ -170,8 +155,7 @@ def _planned(
             progress(Progress(what, done, total, fraction, clock.elapsed_s, left_s))
 
     sought = fisher.of_vehicle(vehicle, names) if problem is None else fisher.of_campaign(problem, names)
-    counting = _counting(sought, names)
-
+    # What is known before the next trial: bounds, and what was recorded.
     tell(0.0, "information in the recorded trials" if problem else "manoeuvres that fit into the limits")
     given = instruments or Instruments.on_board()
     if recorded is None and problem is not None and use_recorded:
@@ -195,20 +179,20 @@ def _planned(
         run = information(vehicle, proposal.manoeuvre, sought, given, voltage_v=voltage_v, threads=threads)
         informations.append(proposal.manoeuvre.repeats(budget_s) * run)
 
-    values = np.array([_value(vehicle, parameter) for parameter in sought])
-    size = np.array([_size(parameter, value) for parameter, value in zip(sought, values, strict=True)])
-    judge = _Judge(sought, values, size, counting, budget_s)
+    judge = _Judge.of(vehicle, sought, names, budget_s)
     sequence, after = judge.greedy(prior, fitting, informations, count)
     stairs = [k for k, proposal in enumerate(fitting) if proposal.manoeuvre.kind == "staircase"]
+    # What a plan without any design would come to.
     climbed, _ = judge.greedy(prior, [fitting[k] for k in stairs], [informations[k] for k in stairs], count)
     ranking = sorted(
         (judge.ranked(prior, proposal, own) for proposal, own in zip(fitting, informations, strict=True)),
         key=lambda r: r.score,
     )
+    trials = list(problem.trials.values()) if problem is not None and use_recorded else []
     return Plan(
         vehicle=vehicle.name,
         budget_s=float(budget_s),
-        coefficients=tuple(judge.change(i, prior, after) for i in range(len(sought)) if counting[i]),
+        coefficients=tuple(judge.change(i, prior, after) for i in range(len(sought)) if judge.counting[i]),
         score_before=judge.score(prior),
         ranking=tuple(ranking),
         sequence=sequence,
@@ -217,7 +201,7 @@ def _planned(
         instruments=given,
         recorded=recorded is not None and use_recorded,
         at=at,
-        dithers=_dithers(problem, vehicle, voltage_v) if use_recorded else (),
+        dithers=dithers(trials, vehicle, judge_axes(trials, vehicle), voltage_v=voltage_v) if trials else (),
         model=vehicle,
         facts=run_facts(
             "plan",
@@ -239,6 +223,24 @@ class _Judge:
     size: Array
     counting: Array
     budget_s: float
+
+    @classmethod
+    def of(
+        cls, vehicle: Vehicle, sought: tuple[Parameter, ...], names: Sequence[str], budget_s: float
+    ) -> Self:
+        """Judge at a vehicle's coefficients, by the deviations of those named, all when none is."""
+        known_names = [parameter.name for parameter in sought]
+        for name in names:
+            if name not in known_names:
+                raise CampaignError(f"coefficients: unknown name {name!r}{nearest(name, known_names)}")
+        own = vehicle.coefficients()
+        members = [parameter.members[0] for parameter in sought]
+        values = np.array([float(own.get(name, 0.0)) / factor for name, factor in members])
+        width = np.array([parameter.upper - parameter.lower for parameter in sought])
+        # A deviation is relative to the value, from a tenth of the bounds' width to all of it.
+        size = np.clip(np.abs(values), PLAN_SETTINGS.least_width * width, PLAN_SETTINGS.largest_width * width)
+        counting = np.array([not names or name in names for name in known_names])
+        return cls(sought, values, size, counting, budget_s)
 
     def sigma(self, total: Array) -> Array:
         """Standard deviations (m,) in the parameters' units."""
@@ -283,8 +285,9 @@ class _Judge:
         for _ in range(count if fitting else 0):
             # Of trials that are about as good, the one that needs the least area.
             scores = np.array([self.score(total + own) for own in informations])
-            alike = np.flatnonzero(scores <= SETTINGS.alike * scores.min())
-            best = min(map(int, alike), key=lambda k: _area(fitting[k]))
+            alike = np.flatnonzero(scores <= PLAN_SETTINGS.alike * scores.min())
+            area = [fitting[k].forecast.along_m * fitting[k].forecast.across_m for k in alike]
+            best = int(alike[np.argmin(area)])
             chosen.append(self.ranked(total, fitting[best], informations[best]))
             total = total + informations[best]
         return tuple(chosen), total
@@ -309,23 +312,6 @@ def _split(
     if fit is None:
         return what.vehicle, what, START
     return Fitted.of(fit).vehicle, what, IDENTIFIED
-
-
-def _dithers(problem: Problem | None, vehicle: Vehicle, voltage_v: float) -> tuple[Dither, ...]:
-    """Dither for each axis that feedback dominates in the campaign's trials."""
-    if problem is None:
-        return ()
-    trials = list(problem.trials.values())
-    return dithers(trials, vehicle, judge(trials, vehicle), voltage_v=voltage_v)
-
-
-def _counting(sought: Sequence[Parameter], names: Sequence[str]) -> Array:
-    """Mask (m,) of the coefficients whose standard deviations count."""
-    known_names = [parameter.name for parameter in sought]
-    for name in names:
-        if name not in known_names:
-            raise CampaignError(f"coefficients: unknown name {name!r}{nearest(name, known_names)}")
-    return np.array([not names or parameter.name in names for parameter in sought])
 
 
 def _none_fits(vehicle: Vehicle, refused: Mapping[str, str]) -> str:
@@ -383,17 +369,197 @@ def _linearised(
         ) from None
 
 
-def _area(proposal: Proposal) -> float:
-    return proposal.forecast.along_m * proposal.forecast.across_m
+VEHICLE, IDENTIFIED, START = "vehicle", "identification", "start values"
+"""Whence the coefficients are at which a plan is made."""
 
 
-def _value(vehicle: Vehicle, parameter: Parameter) -> float:
-    """The vehicle's value of a parameter."""
-    name, factor = parameter.members[0]
-    return float(vehicle.coefficients().get(name, 0.0)) / factor
+@dataclass(frozen=True)
+class Change(Plain, also="relative_before relative_after"):
+    """Standard deviation of one coefficient before and after, in its unit.
+
+    The score takes it relative to ``relative_to``, which is no less than a tenth of the bounds' width; what
+    is printed is relative to the value.
+    """
+
+    name: str
+    unit: str
+    value: float
+    relative_to: float
+    before: float
+    after: float
+
+    @property
+    def relative_before(self) -> float:
+        """Relative standard deviation before, as the score has it; one is 100 %."""
+        return self.before / self.relative_to
+
+    @property
+    def relative_after(self) -> float:
+        """Relative standard deviation after, as the score has it."""
+        return self.after / self.relative_to
+
+    @property
+    def of_value(self) -> bool:
+        """Whether a deviation is told in per cent of the value; one of a value of about zero is not."""
+        return abs(self.value) > 0.01 * self.relative_to  # a smaller share is one of zero
+
+    @property
+    def whole(self) -> float:
+        """What is printed is relative to it: the value, or what the score takes where that is about zero."""
+        return abs(self.value) if self.of_value else self.relative_to
+
+    def told(self, deviation: float, unit: str = "") -> str:
+        """A deviation in per cent of the value, or as ± in its unit where the value is about zero."""
+        if self.of_value:
+            return _percent(deviation / self.whole)
+        return f"± {deviation:.2g} {unit}".rstrip()
 
 
-def _size(parameter: Parameter, value: float) -> float:
-    """What a standard deviation is relative to: the value, from a tenth of the bounds' width to all of it."""
-    width = parameter.upper - parameter.lower
-    return float(np.clip(abs(value), SETTINGS.least_width * width, SETTINGS.largest_width * width))
+@dataclass(frozen=True)
+class Ranked(
+    Plain,
+    without="manoeuvre",
+    also="name=manoeuvre.name kind=manoeuvre.kind words=manoeuvre.words start=manoeuvre.start.words"
+    " duration_s=manoeuvre.duration_s pause_s=manoeuvre.pause_s",
+):
+    """A trial that could be next: a manoeuvre, and the room that it needs.
+
+    `amplitude`: share of the thrust that it uses; 0 where that does not apply. `repeats`: how often it is run
+    within the time of one trial, pauses included. `score`: sum of the relative standard deviations that it
+    leaves. `gains`: those of every coefficient that counts, the greatest relative gain first.
+    """
+
+    manoeuvre: Manoeuvre
+    forecast: Forecast
+    amplitude: float
+    repeats: int
+    score: float
+    gains: tuple[Change, ...]
+
+
+@dataclass(frozen=True, repr=False)
+class Plan(RunResult, Plain, without="facts model", also="score_after"):
+    """The next trials.
+
+    `vehicle`, `budget_s`: name of the vehicle and time of one trial, s. `coefficients`: standard deviations
+    before the first trial and after the last one of the sequence. `score_before`: sum of the relative
+    standard deviations before. `ranking`: all manoeuvres that fit, as the next trial, the best first.
+    `sequence`: the trials to run, each the best after those before. `staircases_score`: what as many trials
+    of staircases alone, the best of them, would leave; None if none fits. `refused`: why other manoeuvres do
+    not fit, by name. `instruments`: noise, correlation time and current that were assumed. `recorded`:
+    whether recorded trials count. `at`: whence the coefficients are at which the plan is made: `VEHICLE`,
+    `IDENTIFIED` or `START`, the start values of a campaign. `dithers`: what to add to the autopilot's output
+    where feedback dominates an axis of the recorded trials. `facts`: what the plan rests on, see
+    `seatrial.base.run.run_facts`. `model`: the vehicle that was planned for; its figures need it.
+    """
+
+    vehicle: str
+    budget_s: float
+    coefficients: tuple[Change, ...]
+    score_before: float
+    ranking: tuple[Ranked, ...]
+    sequence: tuple[Ranked, ...]
+    staircases_score: float | None
+    refused: Mapping[str, str]
+    instruments: Instruments
+    recorded: bool
+    at: str = VEHICLE
+    dithers: tuple[Dither, ...] = ()
+    facts: Mapping[str, Any] = field(default_factory=dict)
+    model: Vehicle | None = None
+
+    @property
+    def score_after(self) -> float:
+        """Sum of the relative standard deviations after the sequence."""
+        return self.sequence[-1].score
+
+    def files(self) -> dict[str, str | bytes]:
+        """Files of the run directory by name, see `save`."""
+        files: dict[str, str | bytes] = {"plan.json": to_json(self.to_dict()), **self.report().files()}
+        for number, ranked in enumerate(self.sequence, 1):
+            name = "trial" if number == 1 else f"trial-{number}"
+            files[f"{name}.csv"] = ranked.manoeuvre.table().write_csv()
+            files[f"{name}.toml"] = self.sheet(ranked, f"{name}.csv", number)
+        files |= {dither.file_name: dither.csv() for dither in self.dithers}
+        return files
+
+    def write(self, path: str | Path, *, trial: int = 1) -> list[Path]:
+        """Paths of the command file (CSV) and the sheet (TOML) of one trial of the sequence.
+
+        `path`: the command file, ending .csv; the sheet lies beside it. `trial`: its place in the sequence,
+        from 1 on. Raises TrialError: the ending is another one, or the files cannot be written.
+        """
+        target = Path(path)
+        if target.suffix != ".csv":
+            raise TrialError(f'{target}: expected the ending .csv, found "{target.suffix}"')
+        if not 1 <= trial <= len(self.sequence):
+            raise TrialError(f"trial {trial}: the plan has trials 1 to {len(self.sequence)}")
+        ranked = self.sequence[trial - 1]
+        sheet = target.with_suffix(".toml")
+        with writing(target, TrialError):
+            target.parent.mkdir(parents=True, exist_ok=True)
+            ranked.manoeuvre.write_csv(target)
+            write_atomic(sheet, self.sheet(ranked, target.name, trial).encode())
+        return [target, sheet]
+
+    def write_dithers(self, folder: str | Path) -> list[Path]:
+        """Paths of the tables of the dithers, written into a folder."""
+        paths = [Path(folder) / dither.file_name for dither in self.dithers]
+        for path, dither in zip(paths, self.dithers, strict=True):
+            with writing(path, TrialError):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                write_atomic(path, dither.csv().encode())
+        return paths
+
+    def sheet(self, ranked: Ranked, commands: str, trial: int) -> str:
+        """TOML text for the operator of `ranked`, a trial of the sequence or ranking: manoeuvre, times, room,
+        warnings, deviations.
+
+        `commands` is the name of its command file, `trial` its number in the sequence, from 1.
+        """
+        manoeuvre, seen = ranked.manoeuvre, ranked.forecast
+        depth = f"{seen.start_depth_m:.1f} m deep or deeper"
+        lines = [
+            f"# Trial {trial} of {len(self.sequence)} for {self.vehicle}. Depths are those of O.",
+            f"name = {_text(manoeuvre.name)}",
+            f"vehicle = {_text(self.vehicle)}",
+            f"commands = {_text(commands)}",
+            f"what = {_text(manoeuvre.words)}",
+            f"start = {_text(f'{manoeuvre.start.words}, {depth}')}",
+            f"duration_s = {manoeuvre.duration_s:.1f}",
+            f"repeats = {ranked.repeats}",
+            f"pause_s = {manoeuvre.pause_s:.1f} # between repeats",
+            f"area_m = [{seen.along_m:.0f}, {seen.across_m:.0f}] # along the course at the start, across it",
+            f"start_depth_m = {seen.start_depth_m:.1f}",
+            f"deepest_m = {seen.deepest_m:.1f}",
+            f"largest_roll_deg = {seen.roll_deg:.0f}",
+            f"largest_pitch_deg = {seen.pitch_deg:.0f}",
+            f"top_speed_m_s = {seen.speed_m_s:.2f}",
+            f"warnings = [{', '.join(_text(warning) for warning in seen.warnings)}]",
+            "",
+            "# Standard deviations before and after this trial, in per cent of the coefficient's value;",
+            "# where that is about zero, in its unit.",
+            "[tells]",
+        ]
+        lines += [_tells(change) for change in ranked.gains[:8]]  # those that it tells most of
+        return "\n".join(lines) + "\n"
+
+
+def _tells(change: Change) -> str:
+    """Line of a sheet on what a trial tells about a coefficient."""
+    if change.of_value:
+        before, after = (f"{100 * x / change.whole:.1f}" for x in (change.before, change.after))
+        unit = ""
+    else:
+        before, after, unit = f"{change.before:.3g}", f"{change.after:.3g}", f", unit = {_text(change.unit)}"
+    return f"{_text(change.name)} = {{ before = {before}, after = {after}{unit} }}"
+
+
+def _text(words: str) -> str:
+    """A TOML basic string."""
+    return json.dumps(words, ensure_ascii=False)
+
+
+def _percent(share: float) -> str:
+    """A share in per cent with two digits."""
+    return f"{100.0 * share:.0f}" if share >= 0.1 else f"{100.0 * share:.2g}"

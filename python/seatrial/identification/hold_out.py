@@ -23,8 +23,8 @@ from seatrial.inspect.verdict import blind
 from seatrial.problem.problem import Problem
 from seatrial.scoring.baseline_fit import fit_baselines
 from seatrial.scoring.baselines import Baselines
-from seatrial.scoring.noise_limit import Unpredictable
 from seatrial.scoring.score import Score, pooled, score
+from seatrial.scoring.windows import Unpredictable
 from seatrial.trial.trial import Trial
 
 if TYPE_CHECKING:

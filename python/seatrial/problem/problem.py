@@ -28,7 +28,7 @@ from seatrial.problem.by_hand import SOURCE, entries, fitted_and_judging, own_in
 from seatrial.problem.parameter import Parameter, coefficient_names, parameters
 from seatrial.problem.settings import Anchor, Budget, JointSettings, Stage, TrialUse, in_order
 from seatrial.problem.variants import strips_freed, without_free, without_trial
-from seatrial.scoring.noise_limit import Unpredictable, unpredictable
+from seatrial.scoring.windows import Unpredictable, unpredictable
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle

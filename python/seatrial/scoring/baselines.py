@@ -34,8 +34,7 @@ import numpy as np
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import AXES, CHANNELS, VELOCITIES
 from seatrial.base.errors import SeatrialError
-from seatrial.scoring.noise_limit import Unpredictable, judging
-from seatrial.scoring.windows import Window, channel_errors
+from seatrial.scoring.windows import Unpredictable, Window, channel_errors, judging
 from seatrial.trial.trial import Input, Trial
 
 if TYPE_CHECKING:
@@ -89,14 +88,8 @@ class FirstOrder:
 class Linear:
     """Linear model ``dx/dt = A x + B e``, x the free velocities and angles, e what drives them, and 1.
 
-    Attributes
-    ----------
-    states, inputs
-        Names (n,), (m,) of x and e; a velocity among the inputs is replayed.
-    a, b
-        (n, n) and (n, m + 1), SI; the last column of b is constant.
-    dead_time_s
-        Of forces and commands.
+    `states`, `inputs`: names (n,), (m,) of x and e; a velocity among the inputs is replayed. `a`, `b`: (n, n)
+    and (n, m + 1), SI; the last column of b is constant. `dead_time_s`: of forces and commands.
     """
 
     states: tuple[str, ...]
@@ -129,18 +122,10 @@ class Linear:
 class Baselines:
     """Baselines of one set of training trials, made by `fit_baselines`.
 
-    Attributes
-    ----------
-    trials
-        Names of the training trials; none where only "hold last" is known.
-    mean
-        Mean of each velocity over the training part (6,), SI; NaN where absent.
-    first_order
-        Response by velocity channel.
-    linear
-        None where the data do not allow it.
-    free, measured
-        Letters of the axes that are predicted, and of those replayed from the trial.
+    `trials`: names of the training trials; none where only "hold last" is known. `mean`: mean of each
+    velocity over the training part (6,), SI; NaN where absent. `first_order`: response by velocity channel.
+    `linear`: None where the data do not allow it. `free`, `measured`: letters of the axes that are predicted,
+    and of those replayed from the trial.
     """
 
     trials: tuple[str, ...]

@@ -15,46 +15,58 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Unpack
 
 import numpy as np
 
+from seatrial.base.channels import AXES
 from seatrial.base.errors import TrialError
 from seatrial.base.plain import Plain
 from seatrial.base.report import Reported, words_about
 from seatrial.scoring.baseline_fit import fit_baselines
-from seatrial.scoring.noise_limit import limits_of
-from seatrial.scoring.paired_windows import PairedWindows, ratio, typical
-from seatrial.scoring.score import Score, score
-from seatrial.scoring.windows import Predictions, Window
-from seatrial.trial.trial import Input, Trial
+from seatrial.scoring.score import Score, ScoreOptions, score
+from seatrial.scoring.windows import Predictions, Window, limits_of
+from seatrial.trial.trial import Trial
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
+import math
 
+from numpy.typing import NDArray
+
+from seatrial.base.arrays import Array
+from seatrial.scoring.windows import channel_errors, judging
+from seatrial.statistics.blocks import lag_one_correlation, variance_inflation
+
+Interval = tuple[float, float]
 Verdict = Literal["better", "worse", "mixed", "not told apart", "too few windows", "diverged"]
 
 
 @dataclass(frozen=True)
-class Difference:
-    """How a vehicle differs from the reference in one channel.
+class Overall:
+    """How a vehicle differs from the reference, named `against`, over all channels.
 
-    Attributes
-    ----------
-    vehicle, against, channel
-        Names of the vehicle, of the reference and of the channel.
-    r2, mae
-        Scores of the reference and of the vehicle, in this order; mae in SI.
-    r2_difference, r2_interval
-        R2 of the vehicle minus that of the reference, and the interval that holds jointly at the comparison's
-        level; None with too few windows or where a simulation diverged.
-    error_ratio, error_interval
-        Mean absolute error of the vehicle over that of the reference in a typical window, and its interval.
-    windows
-        Windows with samples that count.
-    verdict
-        "better" or "worse" where one of the intervals leaves "no difference" out, "mixed" where they
-        contradict one another; "not told apart", "too few windows" or "diverged".
+    `error_ratio`: mean absolute error of the vehicle over that of the reference in a typical window, the
+    channels' logarithms averaged in every window; `error_interval` holds at the comparison's level, None with
+    too few windows or where a simulation diverged. `windows`: those that count. `verdict`: "better" or
+    "worse" where the interval leaves one out; "not told apart", "too few windows" or "diverged".
+    """
+
+    vehicle: str
+    against: str
+    error_ratio: float
+    error_interval: Interval | None
+    windows: int
+    verdict: Verdict
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How a vehicle differs from the reference in one channel, otherwise as `Overall`.
+
+    `r2`, `mae`: scores of the reference and of the vehicle, in this order; mae in SI. `r2_difference`: R2 of
+    the vehicle minus that of the reference. Both intervals hold jointly with those of all channels and
+    vehicles. The `verdict` is also "mixed", where they contradict one another.
     """
 
     vehicle: str
@@ -63,34 +75,9 @@ class Difference:
     r2: tuple[float, float]
     mae: tuple[float, float]
     r2_difference: float
-    r2_interval: tuple[float, float] | None
+    r2_interval: Interval | None
     error_ratio: float
-    error_interval: tuple[float, float] | None
-    windows: int
-    verdict: Verdict
-
-
-@dataclass(frozen=True)
-class Overall:
-    """How a vehicle differs from the reference over all channels.
-
-    Attributes
-    ----------
-    vehicle, against
-        Names of the vehicle and of the reference.
-    error_ratio, error_interval
-        Mean absolute error of the vehicle over that of the reference, the channels' logarithms averaged in
-        every window, in a typical window; its interval at the comparison's level.
-    windows
-        Windows that count.
-    verdict
-        "better", "worse", "not told apart", "too few windows" or "diverged".
-    """
-
-    vehicle: str
-    against: str
-    error_ratio: float
-    error_interval: tuple[float, float] | None
+    error_interval: Interval | None
     windows: int
     verdict: Verdict
 
@@ -99,16 +86,9 @@ class Overall:
 class Comparison(Reported, Plain, only="reference level vehicles=scores overall differences sentences"):
     """Scores of several vehicles on the same windows, side by side; printed, a table and sentences.
 
-    Attributes
-    ----------
-    scores
-        Score of every vehicle by name, the reference first.
-    overall
-        An `Overall` per further vehicle: which one is better.
-    differences
-        A `Difference` per further vehicle and channel: where.
-    level
-        Probability with which the intervals of the vehicles hold together, and those of all channels.
+    `scores`: score of every vehicle by name, the reference first. `overall`: an `Overall` per further
+    vehicle: which one is better. `differences`: a `Difference` per further vehicle and channel: where.
+    `level`: probability with which the intervals of the vehicles hold together, and those of all channels.
     """
 
     scores: dict[str, Score]
@@ -142,17 +122,9 @@ def compare(
     vehicles: Mapping[str, Vehicle | Predictions],
     trials: Trial | Sequence[Trial],
     *,
-    ahead_s: float = 10.0,
-    channels: Sequence[str] | None = None,
-    start_s: float | None = None,
-    stop_s: float | None = None,
-    free_run: bool = False,
-    input: Input | None = None,
-    free: str = "XYZKMN",
-    measured: str = "",
-    own_stamps: bool = False,
     training: Trial | Sequence[Trial] = (),
     level: float = 0.95,
+    **options: Unpack[ScoreOptions],
 ) -> Comparison:
     """Comparison of vehicles on the same windows of the same trials; the first one is the reference.
 
@@ -161,10 +133,13 @@ def compare(
     vehicles
         Models, or predictions of others, by the names under which they are to be shown, at least two. All are
         judged on the windows and channels that every table of predictions covers.
-    trials, ahead_s, channels, start_s, stop_s, free_run, input, free, measured, own_stamps, training
+    trials, training
         As for `seatrial.score`.
     level
         Probability with which all intervals hold together.
+    **options
+        ahead_s, channels, start_s, stop_s, free_run, input, free, measured, own_stamps: as for
+        `seatrial.score`.
 
     Raises
     ------
@@ -196,27 +171,19 @@ def compare(
     model = next((vehicle for vehicle in vehicles.values() if not isinstance(vehicle, Predictions)), None)
     limits = limits_of(own, model)
     scores = {
-        name: score(
-            vehicle,
-            trials,
-            ahead_s=ahead_s,
-            channels=channels,
-            start_s=start_s,
-            stop_s=stop_s,
-            free_run=free_run,
-            input=input,
-            free=free,
-            measured=measured,
-            own_stamps=own_stamps,
-            training=None,
-            limits=limits,
-        )
+        name: score(vehicle, trials, **options, training=None, limits=limits)
         for name, vehicle in vehicles.items()
     }
     scores = _shared(scores, {n: v for n, v in vehicles.items() if isinstance(v, Predictions)})
     first, *others = scores
     learnt = [training] if isinstance(training, Trial) else training
-    baselines = fit_baselines(learnt, vehicle=model, input=input, free=free, measured=measured)
+    baselines = fit_baselines(
+        learnt,
+        vehicle=model,
+        input=options.get("input"),
+        free=options.get("free", "".join(AXES)),
+        measured=options.get("measured", ""),
+    )
     simple = baselines.r2(scores[first].windows, scores[first].evidence, limits)
     scores = {name: replace(scored, baselines=simple) for name, scored in scores.items()}
     # A channel that never moves has no R2, and one that is replayed is no evidence.
@@ -293,7 +260,7 @@ def _difference(
     )
 
 
-def _verdict(r2: tuple[float, float] | None, error: tuple[float, float] | None) -> Verdict:
+def _verdict(r2: Interval | None, error: Interval | None) -> Verdict:
     """What the intervals of both differences say together."""
     if r2 is None or error is None:
         return "too few windows"
@@ -302,3 +269,100 @@ def _verdict(r2: tuple[float, float] | None, error: tuple[float, float] | None) 
     if better and worse:
         return "mixed"
     return "better" if better else "worse" if worse else "not told apart"
+
+
+@dataclass(frozen=True)
+class PairSettings:
+    """When windows of two models give an interval."""
+
+    fewest_windows: int = 6  #: Windows below which no interval is given.
+    most_alike: float = 0.9  #: Autocorrelation of neighbouring windows that is believed at most.
+
+
+PAIR_SETTINGS = PairSettings()
+
+
+@dataclass(frozen=True, eq=False)
+class PairedWindows:
+    """One channel of two scores on the same windows.
+
+    `a`, `b`: `window_sums` of either (n, 4), of the windows in which samples count; `trial` (n,) names the
+    trial of each. `logs`: `log_errors` (windows,) of all windows, not a number where no sample counts;
+    `trials` (windows,) names the trial of each.
+    """
+
+    a: Array
+    b: Array
+    trial: NDArray[np.str_]
+    logs: Array
+    trials: NDArray[np.str_]
+
+    @classmethod
+    def of(cls, first: Score, second: Score, channel: str) -> PairedWindows:
+        """Windows of one channel of two scores."""
+        a, b = window_sums(first, channel), window_sums(second, channel)
+        trials = np.array([window.trial.name for window in first.windows])
+        counted = a[:, 3] > 0
+        logs = np.full(len(a), np.nan)
+        logs[counted] = log_errors(a[counted, 1] / a[counted, 3], b[counted, 1] / b[counted, 3])
+        return cls(a[counted], b[counted], trials[counted], logs, trials)
+
+    @property
+    def diverged(self) -> bool:
+        """Whether one of the simulations is not finite."""
+        return not (np.isfinite(self.a).all() and np.isfinite(self.b).all())
+
+
+def window_sums(score: Score, channel: str) -> Array:
+    """Sums (windows, 4) of one channel: squared errors, absolute errors, measured squared, samples; SI.
+
+    Zero for windows of trials that cannot judge the channel.
+    """
+    judged = judging(channel, score.windows, score.limits)
+    rows = np.zeros((len(score.windows), 4))
+    kept = {id(window) for window in judged}
+    places = (place for place, window in enumerate(score.windows) if id(window) in kept)
+    for place, error, away in zip(places, *channel_errors(channel, judged), strict=True):
+        rows[place] = float(error @ error), float(np.abs(error).sum()), float(away @ away), len(error)
+    return rows
+
+
+def ratio(y: Array, x: Array, trial: NDArray[np.str_], *, alpha: float) -> tuple[float, Interval | None]:
+    """Ratio of the sums of y and x (n,) and its interval of confidence 1 - alpha, None below six windows.
+
+    Sums are per window, in the order of time within a trial; x is positive in total. `trial` (n,) names the
+    trial of each window: only windows of one trial are neighbours.
+    """
+    total = float(x.sum())
+    if not total > 0.0:
+        return math.nan, None
+    value = float(y.sum()) / total
+    reach = _reach(y - value * x, trial, alpha) * len(y) / total
+    return value, (value - reach, value + reach) if math.isfinite(reach) else None
+
+
+def log_errors(a: Array, b: Array) -> Array:
+    """Logarithm (n,) of the errors b over the errors a of every window."""
+    # Two perfect windows are alike, and one of them is not infinitely better than rounding.
+    least = 1e-9 * max(float(a.max(initial=0.0)), float(b.max(initial=0.0)), 1e-300)
+    return np.asarray(np.log(np.maximum(b, least) / np.maximum(a, least)))
+
+
+def typical(logs: Array, trial: NDArray[np.str_], *, alpha: float) -> tuple[float, Interval | None]:
+    """Factor between the errors in a typical window from its logarithms (n,); interval as for `ratio`."""
+    value = float(logs.mean()) if len(logs) else math.nan
+    reach = _reach(logs - value, trial, alpha)
+    interval = (math.exp(value - reach), math.exp(value + reach)) if math.isfinite(reach) else None
+    return math.exp(value), interval
+
+
+def _reach(left: Array, trial: NDArray[np.str_], alpha: float) -> float:
+    """Half an interval of the mean of which these are the residuals (n,), infinite below six windows."""
+    from scipy.stats import t
+
+    n = len(left)
+    if n < PAIR_SETTINGS.fewest_windows:
+        return math.inf
+    memory = lag_one_correlation(left, most=PAIR_SETTINGS.most_alike, together=trial[1:] == trial[:-1])
+    variance = float(left @ left) / (n * (n - 1)) * variance_inflation(memory)
+    return float(t.ppf(1.0 - 0.5 * alpha, n - 1)) * math.sqrt(variance)

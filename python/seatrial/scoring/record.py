@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -48,14 +48,13 @@ class Record:
         (12,) is that of the channels in the core's sum of errors; one when omitted. Raises TrialError if the
         input was not recorded.
         """
-        if weight is None:  # as every simulation asks for it
-            if (substeps, motion) not in self._packed:
-                self._packed[substeps, motion] = self._core(self.counted.astype(float), substeps, motion)
+        if weight is None and (substeps, motion) in self._packed:  # as every simulation asks for it
             return self._packed[substeps, motion]
-        return self._core(np.where(self.counted, np.asarray(weight), 0.0), substeps, motion)
-
-    def _core(self, weights: Array, substeps: int, motion: bool) -> CoreRecord:
-        return self.trial.record(weight=weights, substeps=substeps, input=self.input, motion=motion)
+        weights = np.where(self.counted, 1.0 if weight is None else np.asarray(weight), 0.0)
+        packed = self.trial.record(weight=weights, substeps=substeps, input=self.input, motion=motion)
+        if weight is None:
+            self._packed[substeps, motion] = packed
+        return packed
 
     def __getstate__(self) -> dict[str, Any]:
         """What the core reads is packed again where it is needed."""
@@ -119,6 +118,15 @@ def restarted(trial: Trial, spans: Sequence[tuple[int, int]], record: int = 0) -
     ]
 
 
+class Varied(TypedDict, total=False):
+    """What derivatives are by beside coefficients, and what is added, as of `Replay.simulated`."""
+
+    nuisances: Sequence[str]
+    initials: Sequence[str]
+    nuisance: ArrayLike | None
+    initial: ArrayLike | None
+
+
 Starts: TypeAlias = tuple[Array, Array, Array, Array]
 """Positions (k, 3), attitudes (k, 4), velocities (k, 6) and steady currents (k, 3) of segments."""
 
@@ -127,26 +135,12 @@ Starts: TypeAlias = tuple[Array, Array, Array, Array]
 class Replay:
     """What a vehicle shows on the segments of records, and how far that is from what was measured.
 
-    Attributes
-    ----------
-    vehicle
-        Gives all coefficients that are not varied.
-    records, segments
-        What is replayed.
-    names
-        Coefficients that vary, in the order of the values (m,).
-    free, measured
-        Letters of the axes that are simulated, and of those replayed from the record; others keep the
-        velocity of the segment's start.
-    substeps
-        Steps of the integration per sample.
-    threads
-        Threads of the core, all when None; no result depends on it.
-    starts_count
-        Whether the first sample of a segment counts; by default not, the smoothed start is made of it.
-    starts
-        Positions, attitudes, velocities and currents that the segments start with in place of their own
-        (`along`).
+    `vehicle`: gives all coefficients that are not varied. `names`: coefficients that vary, in the order of
+    the values (m,). `free`, `measured`: letters of the axes that are simulated, and of those replayed from
+    the record; others keep the velocity of the segment's start. `substeps`: steps of the integration per
+    sample. `threads`: of the core, all when None; no result depends on it. `starts_count`: whether the first
+    sample of a segment counts; by default not, the smoothed start is made of it. `starts`: what the segments
+    start with in place of their own (`along`).
     """
 
     vehicle: Vehicle
@@ -201,11 +195,8 @@ class Replay:
         values: ArrayLike,
         directions: ArrayLike,
         *,
-        nuisances: Sequence[str] = (),
-        initials: Sequence[str] = (),
         channels: Sequence[str] = CHANNELS,
-        nuisance: ArrayLike | None = None,
-        initial: ArrayLike | None = None,
+        **varied: Unpack[Varied],
     ) -> list[tuple[Array, Array]]:
         """Residuals (n, 12) and exact derivatives (n, channels, d) of what is simulated, per segment.
 
@@ -213,15 +204,7 @@ class Replay:
         zero where the sample does not count. Other parameters are those of `simulated`.
         """
         columns = [CHANNELS.index(channel) for channel in channels]
-        shown, slopes = self.tangents(
-            values,
-            directions,
-            nuisances=nuisances,
-            initials=initials,
-            channels=channels,
-            nuisance=nuisance,
-            initial=initial,
-        )
+        shown, slopes = self.tangents(values, directions, channels=channels, **varied)
         errors = []
         edges = np.cumsum([0, *(segment.stop - segment.start for segment in self.segments)])
         for index, rows in enumerate(map(slice, edges, edges[1:])):
@@ -235,26 +218,14 @@ class Replay:
         values: ArrayLike,
         directions: ArrayLike,
         *,
-        nuisances: Sequence[str] = (),
-        initials: Sequence[str] = (),
         channels: Sequence[str] = CHANNELS,
-        nuisance: ArrayLike | None = None,
-        initial: ArrayLike | None = None,
+        **varied: Unpack[Varied],
     ) -> tuple[Array, Array]:
         """Channels (samples, 12) and their exact derivatives (samples, channels, d), whatever was measured.
 
         Of all segments in a row. Parameters are those of `sensitivities`.
         """
-        return self._loop().tangents(
-            values,
-            directions,
-            nuisances=nuisances,
-            initials=initials,
-            channels=channels,
-            nuisance=nuisance,
-            initial=initial,
-            threads=self.threads,
-        )
+        return self._loop().tangents(values, directions, channels=channels, threads=self.threads, **varied)
 
     def along(self, starts: Starts) -> Replay:
         """The same segments from other starts, each in a steady current of its own besides the logged one."""

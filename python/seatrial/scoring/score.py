@@ -15,25 +15,31 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
 from seatrial.base.arrays import Mask
-from seatrial.base.channels import AXES, CHANNELS
+from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import TrialError, nearest
 from seatrial.base.plain import Plain
 from seatrial.base.report import Report, Reported, report_of
 from seatrial.base.toml_file import loaded
 from seatrial.scoring.baseline_fit import fit_baselines
 from seatrial.scoring.baselines import Baselines
-from seatrial.scoring.noise_limit import Band, Unpredictable, bands, ceiling, judging, limits_of
 from seatrial.scoring.windows import (
+    Band,
     ChannelScore,
     Predictions,
+    Unpredictable,
     Window,
+    axis_of,
+    bands,
+    ceiling,
     channel_errors,
     covered,
+    judging,
+    limits_of,
     predict,
     windows,
 )
@@ -41,17 +47,6 @@ from seatrial.trial.trial import Input, Trial
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-
-
-@dataclass(frozen=True)
-class ScoreSettings:
-    """What a score is worth remarking."""
-
-    #: Of what a ceiling leaves unexplained: a model that leaves less disproves it.
-    reached_share: float = 0.8
-
-
-SETTINGS = ScoreSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,22 +58,11 @@ class Score(
 ):
     """Scores by channel, ``score["u"].r2``; printed, a table.
 
-    Attributes
-    ----------
-    channels
-        Score of each channel.
-    trials
-        Names of the trials.
-    ahead_s
-        Length of a window in s; infinite for a free run.
-    shifted, skipped
-        Windows that started later than planned because the planned sample was masked, and those left out.
-    windows
-        What was simulated, for figures.
-    baselines
-        R2 on the same windows by baseline (`seatrial.scoring.baselines.BASELINES`) and velocity channel.
-    limits
-        By trial what no model of the vehicle can predict (`seatrial.scoring.noise_limit`).
+    `channels`: score of each channel. `trials`: names of the trials. `ahead_s`: length of a window in s;
+    infinite for a free run. `shifted`, `skipped`: windows that started later than planned because the planned
+    sample was masked, and those left out. `windows`: what was simulated, for figures. `baselines`: R2 on the
+    same windows by baseline (`seatrial.scoring.baselines.BASELINES`) and velocity channel. `limits`: by trial
+    what no model of the vehicle can predict (`seatrial.scoring.windows`).
     """
 
     channels: dict[str, ChannelScore]
@@ -115,7 +99,8 @@ class Score(
         return {
             channel: max(limit, self.r2[channel])
             for channel, limit in limits.items()
-            if not 1.0 - self.r2[channel] < SETTINGS.reached_share * (1.0 - limit)
+            # What leaves less than 80 % of what a ceiling leaves unexplained disproves it.
+            if not 1.0 - self.r2[channel] < 0.8 * (1.0 - limit)
         }
 
     @cached_property
@@ -152,12 +137,9 @@ class Score(
     @property
     def blind(self) -> dict[str, tuple[str, ...]]:
         """By channel: trials on which it is not judged, because commands of its axis answer waves."""
-        names = {c: [n for n in self.trials if not self._judges(c, n)] for c in self.channels}
-        return {channel: tuple(own) for channel, own in names.items() if own}
-
-    def _judges(self, channel: str, trial: str) -> bool:
-        known = self.limits.get(trial)
-        return known is None or AXES[CHANNELS.index(channel) % 6] not in known.blind
+        hidden = {name: self.limits[name].blind for name in self.trials if name in self.limits}
+        names = {c: tuple(n for n in hidden if axis_of(c) in hidden[n]) for c in self.channels}
+        return {channel: own for channel, own in names.items() if own}
 
     @property
     def blind_words(self) -> str:
@@ -203,15 +185,26 @@ class Score(
     def report(self, vehicle: str = "") -> Report:
         """R2 of the best and the worst channel, the worst problem, what to do next; then all channels.
 
-        Parameters
-        ----------
-        vehicle : str, optional
-            Name of the vehicle, for the title.
+        `vehicle`: name of the vehicle, for the title.
         """
         return report_of(self, vehicle=vehicle)
 
     def __str__(self) -> str:
         return "\n".join(text for table in self.report().sections[0].tables if (text := table.text()))
+
+
+class ScoreOptions(TypedDict, total=False):
+    """Keywords of `score` that `seatrial.compare` takes as well."""
+
+    ahead_s: float
+    channels: Sequence[str] | None
+    start_s: float | None
+    stop_s: float | None
+    free_run: bool
+    input: Input | None
+    free: str
+    measured: str
+    own_stamps: bool
 
 
 def score(
@@ -306,8 +299,8 @@ def score(
         own = (nuisances or {}).get(each.name)
         simulated += predict(vehicle, each, spans, input=input, free=free, measured=measured, nuisance=own)
     simulated = [replace(window, own_stamps=own_stamps) for window in simulated]
+    model = None if isinstance(vehicle, Predictions) else vehicle
     if limits is None:
-        model = None if isinstance(vehicle, Predictions) else vehicle
         limits = {} if training is None else limits_of(trials, model)
     judged = tuple(each.name for each in trials)
     table = _table(names, simulated, limits, measured)
@@ -318,7 +311,6 @@ def score(
     if training is None:
         return result
     if not isinstance(training, Baselines):
-        model = None if isinstance(vehicle, Predictions) else vehicle
         learnt = [training] if isinstance(training, Trial) else training
         training = fit_baselines(learnt, vehicle=model, input=input, free=free, measured=measured)
     return replace(result, baselines=training.r2(result.windows, result.evidence, limits))
@@ -357,9 +349,7 @@ def _table(
 ) -> dict[str, ChannelScore]:
     """Score per channel."""
     return {
-        name: replace(
-            _channel_score(name, simulated, limits), replayed=AXES[CHANNELS.index(name) % 6] in measured
-        )
+        name: replace(_channel_score(name, simulated, limits), replayed=axis_of(name) in measured)
         for name in names
     }
 

@@ -327,22 +327,10 @@ class RequirementBoundary:
 class FailureBoundary(RunResult):
     """Failure boundaries in one or two variables; made by `seatrial.verify` with the strategy `Boundary`.
 
-    Attributes
-    ----------
-    scenario
-        What was flown.
-    variables
-        Name and range (from, to) of each.
-    requirements
-        A `RequirementBoundary` each.
-    places
-        Values (n, d) at which missions were flown, and how many at each.
-    runs_per_place
-        Missions at a place.
-    interrupted
-        Whether Ctrl-C ended it early.
-    facts
-        What the result rests on.
+    `scenario`: what was flown. `variables`: name and range (from, to) of each. `requirements`: a
+    `RequirementBoundary` each. `places`: values (n, d) at which missions were flown, and how many at each.
+    `runs_per_place`: missions at a place. `interrupted`: whether Ctrl-C ended it early. `facts`: what the
+    result rests on.
     """
 
     scenario: Scenario
@@ -356,26 +344,14 @@ class FailureBoundary(RunResult):
     def requirement(self, name: str) -> RequirementBoundary:
         """The boundary of the requirement with a name.
 
-        Parameters
-        ----------
-        name : str
-
-        Raises
-        ------
-        CampaignError
-            There is none.
+        Raises CampaignError: there is none.
         """
         return named([name], {one.requirement.name: one for one in self.requirements})[0]
 
     def value(self, axis: int, x: float) -> float:
         """Value of a variable at a share of its range.
 
-        Parameters
-        ----------
-        axis : int
-            0 for the first variable, 1 for the second.
-        x : float
-            From 0 to 1.
+        `axis`: 0 for the first variable, 1 for the second. `x`: from 0 to 1.
         """
         low, high = list(self.variables.values())[axis]
         return low + (high - low) * x
@@ -383,12 +359,7 @@ class FailureBoundary(RunResult):
     def crossings(self, name: str, second: float | None = None) -> list[tuple[float, float, float, bool]]:
         """Boundaries of a requirement along the first variable: value, from, to, and whether below is safe.
 
-        Parameters
-        ----------
-        name : str
-            Of the requirement.
-        second : float, optional
-            Value of the second variable, where there are two.
+        `name`: of the requirement. `second`: value of the second variable, where there are two.
         """
         at = None
         if second is not None:
@@ -471,12 +442,7 @@ class Boundary:
     def survey(self, scenario: Scenario, work: Work = HERE) -> FailureBoundary:
         """Failure boundaries of a scenario; see `seatrial.verify` for errors.
 
-        Parameters
-        ----------
-        scenario : Scenario
-            What is flown.
-        work : Work
-            Threads, folder of the results and progress.
+        `scenario`: what is flown. `work`: threads, folder of the results and progress.
         """
         chosen = scenario.chosen(self.requirements)
         asked = variables_of(self.variables, scenario.flights)

@@ -180,31 +180,16 @@ class Influence(
 ):
     """What a cause has to do with the failures; the rows of `seatrial.verification.causes.find_causes`.
 
-    Attributes
-    ----------
-    name, unit, kind : str
-    category : str
-        The category that was tested against all others, else empty.
-    where : {"", "both ends", "middle"}
-        Of a number that harms to either side of its median, or near to it, rather than towards one end: then
-        ``auc``, ``correlation``, ``failed`` and ``held`` are of the distance from the median.
-    auc : float
-        Area under the curve: of numbers as they are, of a direction by the nearness to that of the failures,
-        of a category by whether it was met. Not a number with too few failures.
-    correlation : float
-        With the reserve (Spearman's, or its circular kin >= 0); negative where the reserve shrinks with it.
-    odds : float
-        Odds ratio of a category; else not a number.
-    p_value, corrected : float
-        Alone, and with regard to all causes of all requirements that were tested.
-    named : bool
-        Whether ``corrected`` is within the level.
-    by_failures : bool
-        Whether failures were compared, or the reserve since they were too few.
-    failed, held : float
-        Mean of the failed and of the held missions (direction: rad; category: share that met it).
-    groups : Groups
-        Failures in fifths, in eight sectors, or by category.
+    `category`: the category that was tested against all others, else empty. `where`: of a number that harms
+    to either side of its median, or near to it, rather than towards one end: then ``auc``, ``correlation``,
+    ``failed`` and ``held`` are of the distance from the median. `auc`: area under the curve: of numbers as
+    they are, of a direction by the nearness to that of the failures, of a category by whether it was met. Not
+    a number with too few failures. `correlation`: with the reserve (Spearman's, or its circular kin >= 0);
+    negative where the reserve shrinks with it. `odds`: odds ratio of a category; else not a number.
+    `p_value`, `corrected`: alone, and with regard to all causes of all requirements that were tested.
+    `named`: whether ``corrected`` is within the level. `by_failures`: whether failures were compared, or the
+    reserve since they were too few. `failed`, `held`: mean of the failed and of the held missions (direction:
+    rad; category: share that met it). `groups`: failures in fifths, in eight sectors, or by category.
     """
 
     name: str

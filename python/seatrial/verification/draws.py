@@ -36,53 +36,33 @@ from seatrial.flight.failures import Outage, outage_rows
 from seatrial.flight.sea import CALM, LIMITS, steepest_period
 from seatrial.identification.fitted import Fitted
 from seatrial.statistics.draws import checked_numbers, uniforms
-from seatrial.verification.failure_draws import (
-    FAULT_WIDTH,
-    OUTAGE_WIDTH,
-    FaultRow,
-    OutageRow,
-    fault_draws,
-    outage_draws,
-    targets,
-)
 from seatrial.verification.table import DistributionTable, VerificationTable, Waves
 
 if TYPE_CHECKING:
     from seatrial.flight.mission import Mission
+from seatrial.base.errors import SimulationError, nearest
+from seatrial.flight.failures import Fault, fault_rows
+from seatrial.vehicle.actuators import actuator_groups
+from seatrial.verification.table import FaultTable, OutageTable
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
 
 
 @dataclass(frozen=True, eq=False)
 class Draws:
     """Drawn cases (k); SI and rad, NED.
 
-    Attributes
-    ----------
-    numbers
-        Of the cases in the campaign: with them each can be drawn again alone.
-    mission
-        Index of the mission that each flies, (k,).
-    coefficients
-        Of the vehicle that flies, by name, (k,) each.
-    current, turbulence
-        Mean velocity of the water, and standard deviation about it, (k, 3), m/s.
-    waves
-        Sea states (k, 5), see `seatrial.flight.sea`.
-    position, attitude, nu
-        Start: place (k, 3), roll, pitch, yaw (k, 3), velocities over ground in the body frame (k, 6).
-    faults
-        Rows (case, actuator, time in s, command or nan) with the case's place among these.
-    outages
-        Rows (case, group, from, until in s).
-    seeds
-        Of the sensors' noise and of the water's motion, (k,).
-    causes
-        What was drawn, by readable names with units, (k,) each.
-    notes
-        Sentences: how many vehicles were impossible, what is not in the covariance.
-    doubt
-        Heading where many of the drawn vehicles were impossible; empty otherwise.
-    offsets
-        Of the sensors' channels in their standard deviations, (k, 16); None: the seeds draw them.
+    `numbers`: of the cases in the campaign: with them each can be drawn again alone. `mission`: index of the
+    mission that each flies, (k,). `coefficients`: of the vehicle that flies, by name, (k,) each. `current`,
+    `turbulence`: mean velocity of the water, and standard deviation about it, (k, 3), m/s. `waves`: sea
+    states (k, 5), see `seatrial.flight.sea`. `position`, `attitude`, `nu`: start: place (k, 3), roll, pitch,
+    yaw (k, 3), velocities over ground in the body frame (k, 6). `faults`: rows (case, actuator, time in s,
+    command or nan) with the case's place among these. `outages`: rows (case, group, from, until in s).
+    `seeds`: of the sensors' noise and of the water's motion, (k,). `causes`: what was drawn, by readable
+    names with units, (k,) each. `notes`: sentences: how many vehicles were impossible, what is not in the
+    covariance. `doubt`: heading where many of the drawn vehicles were impossible; empty otherwise. `offsets`:
+    of the sensors' channels in their standard deviations, (k, 16); None: the seeds draw them.
     """
 
     numbers: NDArray[np.int_]
@@ -448,3 +428,90 @@ def _start(
 
 def _scatter(sd: float, u: Array) -> Array:
     return np.zeros(len(u)) if sd == 0.0 else DistributionTable(normal=(0.0, sd)).quantiles(u)
+
+
+FaultRow = tuple[int, str, float, float]
+
+OutageRow = tuple[int, int, float, float]
+
+FAULT_WIDTH = OUTAGE_WIDTH = 4
+"""Random numbers of an entry and case: whether, which or how long, when, and one to spare."""
+
+
+def targets(entry: FaultTable, vehicle: Vehicle) -> dict[str, float]:
+    """Actuators that an entry means, each with the command that it keeps (nan: where it is).
+
+    Raises SimulationError where there is no such actuator or group, or the command is beyond an actuator's
+    range.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> targets(FaultTable(actuator="stern", probability=0.1), st.Vehicle.load("cwolf"))
+    {'PL': 0.0, 'PU': 0.0, 'SbL': 0.0, 'SbU': 0.0}
+    """
+    groups, actuators = actuator_groups(vehicle), list(vehicle.actuators)
+    if entry.actuator == "any":
+        meant = actuators
+    elif entry.actuator in actuators:
+        meant = [entry.actuator]
+    elif entry.actuator in groups:
+        meant = groups[entry.actuator]
+    else:
+        raise SimulationError(
+            f"faults: the vehicle {vehicle.name} has no actuator or group"
+            f' "{entry.actuator}"{nearest(entry.actuator, ["any", *groups, *actuators])}'
+        )
+    if not meant:
+        raise SimulationError(f"faults: the vehicle {vehicle.name} has no actuator that could fail")
+    stuck = entry.kind == "stuck" and entry.command is None
+    faults = [Fault(name, 0.0, stuck, entry.command) for name in sorted(meant)]
+    try:
+        rows = fault_rows(faults, vehicle, math.inf)
+    except SimulationError as error:
+        # An entry's key for what a flight calls stuck_at.
+        raise SimulationError(str(error).replace("stuck_at", "command")) from None
+    return {name: command for _, name, _, command in rows}
+
+
+def fault_draws(
+    entries: tuple[FaultTable, ...], vehicle: Vehicle, u: Array, longest: Array
+) -> list[FaultRow]:
+    """Rows (case, actuator, time in s, command or nan); an actuator that fails twice fails the first time.
+
+    `u` (k, entries * FAULT_WIDTH) are uniform numbers; `longest` (k,), s: until when a fault begins where the
+    entry does not say.
+    """
+    first: dict[tuple[int, str], tuple[float, float]] = {}
+    for number, entry in enumerate(entries):
+        commands = targets(entry, vehicle)
+        names = list(commands)
+        happens, which, when, _ = u[:, number * FAULT_WIDTH : (number + 1) * FAULT_WIDTH].T
+        for case in np.flatnonzero(happens < entry.probability).tolist():
+            name = names[int(which[case] * len(names))]
+            at = _between(entry.between_s, float(longest[case]), float(when[case]))
+            if (case, name) not in first or at < first[case, name][0]:
+                first[case, name] = (at, commands[name])
+    return sorted((case, name, at, command) for (case, name), (at, command) in first.items())
+
+
+def outage_draws(entries: tuple[OutageTable, ...], u: Array, longest: Array) -> list[OutageRow]:
+    """Rows (case, group, from, until in s).
+
+    `u` (k, entries * OUTAGE_WIDTH) are uniform numbers; `longest` (k,), s: until when an outage begins where
+    the entry does not say. Raises SimulationError where there is no such group or kind of sensor.
+    """
+    found: list[OutageRow] = []
+    for number, entry in enumerate(entries):
+        ((group, _, _),) = outage_rows([Outage(entry.sensor, 0.0)], math.inf)
+        happens, long, when, _ = u[:, number * OUTAGE_WIDTH : (number + 1) * OUTAGE_WIDTH].T
+        duration = entry.duration_s.quantiles(long, above_zero=True)
+        for case in np.flatnonzero((happens < entry.probability) & (duration > 0.0)):
+            at = _between(entry.between_s, float(longest[case]), float(when[case]))
+            found.append((int(case), group, at, at + float(duration[case])))
+    return sorted(found)
+
+
+def _between(between: tuple[float, float] | None, longest: float, share: float) -> float:
+    start, stop = (0.0, longest) if between is None else between
+    return start + share * (stop - start)

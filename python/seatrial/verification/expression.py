@@ -225,10 +225,7 @@ def parse(text: str) -> ast.expr:
 def check(tree: ast.expr, metrics: Mapping[str, Metric]) -> None:
     """Refuse names that are no metric, kinds that do not fit, and what is not true or false as a whole.
 
-    Raises
-    ------
-    CampaignError
-        With the nearest known name, or with the kinds expected and found.
+    Raises CampaignError: with the nearest known name, or with the kinds expected and found.
     """
     kind = _kind(tree, metrics)
     if kind != "truth":

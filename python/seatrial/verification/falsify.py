@@ -1,6 +1,6 @@
 """`falsify`: the worst mission in the ranges of a verification, and the least disturbance that still fails.
 
-Plain numbers behind the draws (`seatrial.verification.mission_space`) are searched within so many
+Plain numbers behind the draws (`seatrial.verification.chosen_missions`) are searched within so many
 standard deviations by an evolution strategy (CMA-ES; Hansen 2016, arXiv:1604.00772) for the least robustness
 of a requirement. What fails is then made small: one number after the other goes back to the middle as long as
 the mission still fails, the one first that costs the least robustness; the rest is scaled down together. The
@@ -24,9 +24,8 @@ from seatrial.base.finding import Finding
 from seatrial.base.plain import Plain
 from seatrial.base.run import RunDirectory, RunResult, to_json
 from seatrial.base.work import HERE, Clock, Work
+from seatrial.verification.chosen_missions import MissionSpace, case_text, watched
 from seatrial.verification.judgement import robustness, unusable
-from seatrial.verification.mission_space import MissionSpace, watched
-from seatrial.verification.regression import case_text
 from seatrial.verification.requirement import named
 
 if TYPE_CHECKING:
@@ -65,26 +64,12 @@ class FalsifiedRequirement(
 ):
     """The worst mission that was found for a requirement.
 
-    Attributes
-    ----------
-    requirement
-    worst
-        Least robustness that was found.
-    missions
-        Flown in the search and to make the disturbance small.
-    robustness
-        Of the mission below; NaN where none failed.
-    sample
-        Its numbers (d,) in standard deviations; zero where the middle of the range is bad enough.
-    disturbance
-        By readable names: its value, that of the middle, in the units of the name; empty where the middle
-        fails itself.
-    middle
-        Values of the middle by readable names.
-    case
-        TOML of the entry ``[[verification.cases]]``; empty where none failed.
-    why_not
-        Why the requirement cannot be searched.
+    `worst`: least robustness that was found. `missions`: flown in the search and to make the disturbance
+    small. `robustness`: of the mission below; NaN where none failed. `sample`: its numbers (d,) in standard
+    deviations; zero where the middle of the range is bad enough. `disturbance`: by readable names: its value,
+    that of the middle, in the units of the name; empty where the middle fails itself. `middle`: values of the
+    middle by readable names. `case`: TOML of the entry ``[[verification.cases]]``; empty where none failed.
+    `why_not`: why the requirement cannot be searched.
     """
 
     requirement: Requirement
@@ -111,18 +96,9 @@ class Falsification(
 ):
     """Worst missions of requirements; made by `falsify`.
 
-    Attributes
-    ----------
-    scenario
-        What was flown.
-    requirements
-        A `FalsifiedRequirement` each.
-    within
-        Standard deviations within which was searched.
-    interrupted
-        Whether Ctrl-C ended it early.
-    facts
-        What the result rests on.
+    `scenario`: what was flown. `requirements`: a `FalsifiedRequirement` each. `within`: standard deviations
+    within which was searched. `interrupted`: whether Ctrl-C ended it early. `facts`: what the result rests
+    on.
     """
 
     scenario: Scenario
@@ -139,15 +115,8 @@ class Falsification(
     def drawn(self, name: str) -> Draws:
         """The failing mission of a requirement, with the least disturbance.
 
-        Parameters
-        ----------
-        name : str
-            Of the requirement.
-
-        Raises
-        ------
-        CampaignError
-            There is no such requirement, or none of its missions failed.
+        `name`: of the requirement. Raises CampaignError: there is no such requirement, or none of its
+        missions failed.
         """
         [result] = named([name], {entry.requirement.name: entry for entry in self.requirements})
         if not result.falsified:
@@ -158,10 +127,7 @@ class Falsification(
     def replay(self, name: str) -> Flight:
         """Flight of that mission, with its log.
 
-        Parameters
-        ----------
-        name : str
-            Of the requirement.
+        `name`: of the requirement.
         """
         return self.scenario.flights.replay_drawn(self.drawn(name))
 
@@ -220,12 +186,7 @@ class Falsify:
     def survey(self, scenario: Scenario, work: Work = HERE) -> Falsification:
         """The worst missions of a scenario; see `seatrial.verify` for errors.
 
-        Parameters
-        ----------
-        scenario : Scenario
-            What is flown.
-        work : Work
-            Threads, folder of the results and progress.
+        `scenario`: what is flown. `work`: threads, folder of the results and progress.
         """
         chosen = scenario.chosen(self.requirements)
         clock, worst, interrupted = Clock(), [], False

@@ -147,24 +147,11 @@ class MissionStore:
 class CampaignFlights:
     """What a verification flies.
 
-    Attributes
-    ----------
-    table
-        What is asked for.
-    fitted
-        The identified vehicle and how well it is known.
-    autopilot
-        With the gains that are verified.
-    missions
-        Those of the table, in its order.
-    seed
-        Of the campaign.
-    model
-        The vehicle that the autopilot believes in; None: the identified one.
-    sensors
-        "typical", a file, sensors by kind, or None for perfect ones.
-    rho, g
-        Density, kg/m3, and gravity, m/s2, where they are not the vehicle's.
+    `table`: what is asked for. `fitted`: the identified vehicle and how well it is known. `autopilot`: with
+    the gains that are verified. `missions`: those of the table, in its order. `seed`: of the campaign.
+    `model`: the vehicle that the autopilot believes in; None: the identified one. `sensors`: "typical", a
+    file, sensors by kind, or None for perfect ones. `rho`, `g`: density, kg/m3, and gravity, m/s2, where they
+    are not the vehicle's.
     """
 
     table: VerificationTable

@@ -1,6 +1,6 @@
 """`Rare`: failures that are too rare to be met by flying drawn missions, found by subset simulation.
 
-Everything that is drawn of a mission is a coordinate (`seatrial.verification.mission_space`). The level
+Everything that is drawn of a mission is a coordinate (`seatrial.verification.chosen_missions`). The level
 function is a requirement's robustness (`seatrial.verification.judgement`); the probability is that of the
 distributions of ``[verification]``, and no surer than these.
 
@@ -27,8 +27,8 @@ from seatrial.base.run import RunDirectory, RunResult, sha256, to_json
 from seatrial.base.work import HERE, Clock, Work
 from seatrial.statistics.draws import generator
 from seatrial.statistics.subset_simulation import Population, RareEvent, importance, population, rare_event
+from seatrial.verification.chosen_missions import MissionSpace, watched
 from seatrial.verification.judgement import robustness, unusable
-from seatrial.verification.mission_space import MissionSpace, watched
 from seatrial.verification.requirement import named
 
 if TYPE_CHECKING:
@@ -68,22 +68,12 @@ class RareRequirement(
 ):
     """How rarely a requirement fails.
 
-    Attributes
-    ----------
-    requirement
-    event
-        Probability, interval, missions spent; None where the robustness cannot be used.
-    why_not
-        Why it cannot.
-    likeliest
-        What was drawn in the failing mission that is nearest to the middle of all draws, by readable names.
-    nearest_deviations
-        How far that is, in standard deviations.
-    common
-        What the failing missions have in common, by readable names, the most telling first: their mean, that
-        of all draws, and by how many of its standard deviations it is shifted.
-    sample, seed
-        Its standard normal numbers (d,) and the seed of its noise, with which it is flown again.
+    `event`: probability, interval, missions spent; None where the robustness cannot be used. `why_not`: why
+    it cannot. `likeliest`: what was drawn in the failing mission that is nearest to the middle of all draws,
+    by readable names. `nearest_deviations`: how far that is, in standard deviations. `common`: what the
+    failing missions have in common, by readable names, the most telling first: their mean, that of all draws,
+    and by how many of its standard deviations it is shifted. `sample`, `seed`: its standard normal numbers
+    (d,) and the seed of its noise, with which it is flown again.
     """
 
     requirement: Requirement
@@ -114,16 +104,8 @@ class RareFailures(
 ):
     """Failure probabilities of rare events; made by `st.Rare`.
 
-    Attributes
-    ----------
-    scenario
-        What was flown.
-    requirements
-        A `RareRequirement` each.
-    interrupted
-        Whether Ctrl-C ended it early: requirements that were not finished are missing.
-    facts
-        What the result rests on.
+    `scenario`: what was flown. `requirements`: a `RareRequirement` each. `interrupted`: whether Ctrl-C ended
+    it early: requirements that were not finished are missing. `facts`: what the result rests on.
     """
 
     scenario: Scenario
@@ -145,15 +127,7 @@ class RareFailures(
     def replay(self, name: str) -> Any:
         """Flight of the likeliest failing mission of a requirement, with its log.
 
-        Parameters
-        ----------
-        name : str
-            Of the requirement.
-
-        Raises
-        ------
-        CampaignError
-            There is no such requirement, or it did not fail.
+        `name`: of the requirement. Raises CampaignError: there is no such requirement, or it did not fail.
         """
         [worst] = named([name], {entry.requirement.name: entry for entry in self.requirements})
         if not worst.sample:
@@ -213,12 +187,7 @@ class Rare:
     def survey(self, scenario: Scenario, work: Work = HERE) -> RareFailures:
         """Failure probabilities of a scenario; see `seatrial.verify` for errors.
 
-        Parameters
-        ----------
-        scenario : Scenario
-            What is flown.
-        work : Work
-            Threads, folder of the results and progress.
+        `scenario`: what is flown. `work`: threads, folder of the results and progress.
         """
         chosen = scenario.chosen(self.requirements)
         clock, judged, interrupted = Clock(), [], False

@@ -128,10 +128,7 @@ class Requirement:
     def check(self, metrics: Mapping[str, Metric] = KNOWN) -> None:
         """Refuse what cannot be judged by these metrics, before anything flies.
 
-        Raises
-        ------
-        CampaignError
-            A name is no metric, kinds do not fit, or the whole is no condition.
+        Raises CampaignError: a name is no metric, kinds do not fit, or the whole is no condition.
         """
         try:
             check(self._tree, metrics)
@@ -141,16 +138,9 @@ class Requirement:
     def judge(self, metrics: Mapping[str, Any]) -> Judgement:
         """Whether each of k missions held it, and with which reserve.
 
-        Parameters
-        ----------
-        metrics : mapping of str to array_like, shape (k,)
-            Numbers, words (``ending``) and truths (``abort``) of the missions; with ``completion``
-            (`seatrial.verification.judgement`) a mission is not infinitely far from being complete.
-
-        Raises
-        ------
-        CampaignError
-            As for `check`.
+        `metrics` (k,): numbers, words (``ending``) and truths (``abort``) of the missions; with
+        ``completion`` (`seatrial.verification.judgement`) a mission is not infinitely far from being
+        complete. Raises CampaignError: as for `check`.
         """
         # Of a long campaign each column is read from a file: only those that are asked for.
         values = {name: np.asarray(metrics[name]) for name in (*self.metrics, COMPLETION) if name in metrics}

@@ -38,10 +38,10 @@ from seatrial.flight.sea import LIMITS
 from seatrial.flight.sensor_channels import sensor_channels, sensors_of
 from seatrial.identification.fitted import Fitted
 from seatrial.sensors.sensor import TYPICAL
-from seatrial.verification.failure_draws import targets
+from seatrial.verification.chosen_missions import check_cases
+from seatrial.verification.draws import targets
 from seatrial.verification.judgement import check_energy
 from seatrial.verification.missions import CampaignFlights
-from seatrial.verification.regression import check_cases
 from seatrial.verification.requirement import Requirement, default_requirements, named
 from seatrial.verification.table import MissionTable, RequirementTable, parse_verification
 
@@ -364,16 +364,8 @@ class Scenario:
     def of_flights(cls, flights: CampaignFlights, **stated: Any) -> Self:
         """Scenario of what flies, checked.
 
-        Parameters
-        ----------
-        flights : CampaignFlights
-        **stated
-            ``name``, ``source``, ``text``, ``inputs``.
-
-        Raises
-        ------
-        CampaignError, SimulationError, TrialError, VehicleError
-            Something in it cannot be used.
+        `**stated`: ``name``, ``source``, ``text``, ``inputs``. Raises CampaignError, SimulationError,
+        TrialError, VehicleError: something in it cannot be used.
         """
         scenario = cls.__new__(cls)
         scenario._fill(flights, **stated)
@@ -417,16 +409,8 @@ class Scenario:
     ) -> dict[str, Any]:
         """Record of a run over the scenario.
 
-        Parameters
-        ----------
-        kind : str
-            Of the run.
-        clock : Clock
-            When it ran.
-        options : mapping
-            What it was asked for besides.
-        interrupted : bool
-            Whether it was ended early.
+        `kind`: of the run. `clock`: when it ran. `options`: what it was asked for besides. `interrupted`:
+        whether it was ended early.
         """
         return run_facts(
             kind,
@@ -441,10 +425,7 @@ class Scenario:
     def chosen(self, names: Sequence[str]) -> list[Requirement]:
         """Requirements of these names; all when none is named.
 
-        Raises
-        ------
-        CampaignError
-            There is no requirement of a name.
+        Raises CampaignError: there is no requirement of a name.
         """
         known = {requirement.name: requirement for requirement in self.requirements}
         return named(names or list(known), known)

@@ -37,7 +37,7 @@ from seatrial.report.plot.style import (
     new_figure,
     panel_title,
 )
-from seatrial.verification.mission_log.log import QUANTITIES
+from seatrial.verification.mission_log.verdict import QUANTITIES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -16,8 +16,9 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS, DEGREE, readable
 from seatrial.base.file_names import file_name, free_name
-from seatrial.experiment.forecast import FORECAST_SETTINGS, simulated, uneven
-from seatrial.experiment.plan_result import Plan
+from seatrial.experiment.forecast import SETTINGS as FORECAST_SETTINGS
+from seatrial.experiment.forecast import simulated, uneven
+from seatrial.experiment.plan import Plan
 from seatrial.report.plot.flight import line
 from seatrial.report.plot.style import (
     ABOVE,
@@ -50,7 +51,7 @@ if TYPE_CHECKING:
 
     from seatrial._core import Run, Vehicle
     from seatrial.experiment.manoeuvre import Manoeuvre
-    from seatrial.experiment.plan_result import Ranked
+    from seatrial.experiment.plan import Ranked
     from seatrial.intake.imported import Imported
     from seatrial.trial.trial import Trial
 

@@ -64,7 +64,7 @@ if TYPE_CHECKING:
     from seatrial.verification.boundary import RequirementBoundary
     from seatrial.verification.causes import Influence
     from seatrial.verification.judgement import JudgedRequirement
-    from seatrial.verification.verification import Verification
+    from seatrial.verification.verify import Verification
 
 _COLOUR = {"held": THIRD, "failed": RESIDUAL, "undecided": SECOND}
 

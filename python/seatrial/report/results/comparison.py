@@ -13,8 +13,7 @@ from seatrial.base.channels import readable
 from seatrial.base.report import Report, Section, Table
 from seatrial.report.results.score import kind
 from seatrial.scoring.baselines import not_beaten
-from seatrial.scoring.comparison import Comparison, Difference
-from seatrial.scoring.paired_windows import PAIR_SETTINGS
+from seatrial.scoring.comparison import PAIR_SETTINGS, Comparison, Difference
 from seatrial.scoring.windows import score_text
 
 _SMALL = 0.02  # a smaller difference of R2 is small, even where it is told

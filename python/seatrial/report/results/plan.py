@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from seatrial.base.channels import DEGREE
 from seatrial.base.report import Report, Section, Table
-from seatrial.experiment.plan_result import IDENTIFIED, PLAN_RESULT_SETTINGS, START, VEHICLE, Plan, Ranked
+from seatrial.experiment.plan import IDENTIFIED, PLAN_SETTINGS, START, VEHICLE, Plan, Ranked
 
 _AT = {
     VEHICLE: "",
@@ -50,7 +50,7 @@ def report(plan: Plan) -> Report:
         ),
         worst=unknown[0]
         if unknown
-        else f"no coefficient stays unknown to more than {100 * PLAN_RESULT_SETTINGS.unknown_sd:.0f} %",
+        else f"no coefficient stays unknown to more than {100 * PLAN_SETTINGS.unknown_sd:.0f} %",
         next_step=(
             "identify first (seatrial identify) and plan again: at the identified coefficients a forecast is"
             f" nearer to what a trial gives; otherwise run trial 1 ({first.name})"
@@ -155,17 +155,17 @@ def _still_unknown(plan: Plan) -> list[str]:
     """What stays unknown after the trials, and which manoeuvre would show it best."""
     groups: dict[str, list[str]] = {}
     for change in plan.coefficients:
-        if change.after / change.whole <= PLAN_RESULT_SETTINGS.unknown_sd:
+        if change.after / change.whole <= PLAN_SETTINGS.unknown_sd:
             continue
         best, left = "", change.after
         for ranked in plan.ranking:
             after = next(gain.after for gain in ranked.gains if gain.name == change.name)
-            if after < PLAN_RESULT_SETTINGS.better_share * left:
+            if after < PLAN_SETTINGS.better_share * left:
                 best, left = ranked.manoeuvre.name, after
         precision = change.told(left, change.unit) + (" %" if change.of_value else "")
         groups.setdefault(best, []).append(f"{change.name} ({precision})" if best else change.name)
     return [
-        f"Still unknown to more than {100 * PLAN_RESULT_SETTINGS.unknown_sd:.0f} %, "
+        f"Still unknown to more than {100 * PLAN_SETTINGS.unknown_sd:.0f} %, "
         + (f"best shown by {best}" if best else "and no manoeuvre that fits improves it")
         + f": {', '.join(names)}"
         for best, names in groups.items()

@@ -13,9 +13,9 @@ from seatrial.flight.excesses import Excess
 from seatrial.report.results.flight_findings import doubting, exceeded, excess_clauses
 from seatrial.report.results.junit import JUnitCase, junit_xml
 from seatrial.statistics.proportions import share
+from seatrial.verification.chosen_missions import FlownCase
 from seatrial.verification.judgement import JudgedRequirement
-from seatrial.verification.regression import FlownCase
-from seatrial.verification.verification import AutopilotComparison, Verification
+from seatrial.verification.verify import AutopilotComparison, Verification
 
 _CAUSES = 4  # the strongest, that a report lists
 

@@ -23,9 +23,7 @@ from seatrial.base.work import Clock, takes
 from seatrial.identification.fitted import Fitted
 from seatrial.inspect.verdict import blind, judge_trial
 from seatrial.trial.trial import Trial
-from seatrial.verification.mission_log.candidates import CANDIDATE_SETTINGS, Suspect, candidates
-from seatrial.verification.mission_log.log import MissionLog, offsets_of
-from seatrial.verification.mission_log.metrics import log_metrics, logged_steps
+from seatrial.verification.mission_log.log import MissionLog, log_metrics, logged_steps, offsets_of
 from seatrial.verification.mission_log.power import Power, group_power
 from seatrial.verification.mission_log.spread import (
     PredictedLog,
@@ -35,7 +33,13 @@ from seatrial.verification.mission_log.spread import (
     spread_of_noise,
     spread_of_reference,
 )
-from seatrial.verification.mission_log.suspects import in_current, suspects
+from seatrial.verification.mission_log.suspects import (
+    CANDIDATE_SETTINGS,
+    Suspect,
+    candidates,
+    in_current,
+    suspects,
+)
 from seatrial.verification.mission_log.validity import VALIDITY_SETTINGS, Validity, contradictions, validity
 from seatrial.verification.mission_log.verdict import JudgedRequirement, LogVerdict, ModelState
 
@@ -340,7 +344,7 @@ def verify_log(
         envelope, pilot = None, _pilot(autopilot)
         # Only what was flown can be flown again, in the current that explains the log where none is given.
         if pilot is not None and flown is not None:
-            from seatrial.verification.mission_log.log import mission_envelope
+            from seatrial.verification.mission_log.verdict import mission_envelope
 
             if current is None and judged.current is not None:
                 current = [*judged.current, 0.0]

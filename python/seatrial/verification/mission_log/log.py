@@ -15,12 +15,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from seatrial._core import State
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import CHANNELS
-from seatrial.base.errors import SimulationError, TrialError
+from seatrial.base.errors import TrialError
 from seatrial.base.frames import shorter
 from seatrial.flight.mission import Route
 from seatrial.flight.sensor_channels import sensor_channels, sensors_of
@@ -29,9 +28,19 @@ from seatrial.trial.recording import read_table
 from seatrial.trial.trial import Trial
 
 if TYPE_CHECKING:
-    from seatrial._core import Autopilot, Flights, Vehicle
+    from seatrial._core import Vehicle
     from seatrial.flight.mission import Mission
-    from seatrial.identification.fitted import Fitted
+from collections.abc import Sequence
+
+from seatrial.base.errors import CampaignError, nearest
+from seatrial.base.plain import Plain
+from seatrial.flight.metrics import reserve, switches
+
+if TYPE_CHECKING:
+    from seatrial._core import Vehicle
+    from seatrial.control_design.corridor import Corridor
+    from seatrial.flight.mission import Mission
+    from seatrial.verification.table import Obstacle
 
 
 @dataclass(frozen=True)
@@ -72,13 +81,9 @@ _MEASURED = "measured."
 class MissionLog:
     """A trial, and what guidance wanted meanwhile.
 
-    Attributes
-    ----------
-    trial
-        The log as a trial.
-    beside
-        speed, lateral, heading, pitch, depth (desired); cross_track, vertical; leg, distance, reaction,
-        power, energy_wh, altitude: those that were logged, (n,) on the trial's times, SI and rad.
+    `trial`: the log as a trial. `beside`: speed, lateral, heading, pitch, depth (desired); cross_track,
+    vertical; leg, distance, reaction, power, energy_wh, altitude: those that were logged, (n,) on the trial's
+    times, SI and rad.
     """
 
     trial: Trial
@@ -301,176 +306,255 @@ def offsets_of(sensors: Any, vehicle: Vehicle) -> dict[str, float]:
     return {name: found[name] for name in CHANNELS if found[name] > 0.0 and name not in ("x", "y", "z")}
 
 
-QUANTITIES: Mapping[str, tuple[str, str]] = {
-    "depth": ("depth", "m"),
-    "speed": ("speed", "m/s"),
-    "pitch": ("pitch", "rad"),
-    "cross_track": ("cross-track error", "m"),
-    "heading": ("heading error", "rad"),
-}
-"""Words and SI unit of every quantity of an envelope."""
+_REACTIONS = {2: "surfaced", 3: "aborted"}
+
+_SHARES = {"p50": 0.50, "p95": 0.95, "p99": 0.99}
 
 
-@dataclass(frozen=True, eq=False)
-class Band:
-    """One quantity: 2.5 %, 50 % and 97.5 % over the flights and the log, all (n,), SI.
-
-    ``outside`` is the share of the log's samples outside the band.
-    """
-
-    lower: Array
-    middle: Array
-    upper: Array
-    log: Array
-    outside: float
-
-    @property
-    def is_outside(self) -> NDArray[np.bool_]:
-        """Samples of the log outside the band, (n,)."""
-        with np.errstate(invalid="ignore"):
-            return np.asarray((self.log < self.lower) | (self.log > self.upper))
-
-
-@dataclass(frozen=True, eq=False)
-class Envelope:
-    """Envelope of a mission with the log in it.
-
-    `t`: times since the start of the log, (n,), s. `bands`: a `Band` by the name of the quantity, see
-    `QUANTITIES`. `flights`: how many flights it rests on. `metrics`: metrics of the flights, (k,) each, by
-    the names of `Flight.metrics`.
-    """
-
-    t: Array
-    bands: Mapping[str, Band]
-    flights: int
-    metrics: Mapping[str, Array]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Share outside by quantity, and quantiles of the metrics, as plain data."""
-        return {
-            "flights": self.flights,
-            "outside": {name: band.outside for name, band in self.bands.items()},
-            "metrics": {
-                name: [float(x) for x in prediction_band(values)]
-                for name, values in self.metrics.items()
-                if np.isfinite(values).any()
-            },
-        }
-
-
-def prediction_band(values: Array) -> Array:
-    """Values (3, ...) between the outer two of which a further one of k falls with 95 %, and their median.
-
-    The ranks 0.025 (k + 1) and 0.975 (k + 1) (Weibull 1939; Hyndman & Fan 1996, The American Statistician
-    50:361, definition 6) exist from 39 flights on. `values` (k, ...); nan where a flight has none.
-    """
-    # Median and ends of the middle 95 %.
-    return np.asarray(np.nanquantile(values, (0.025, 0.5, 0.975), axis=0, method="weibull"))
-
-
-def mission_envelope(
-    fitted: Fitted,
+def log_metrics(
     log: MissionLog,
-    autopilot: Autopilot,
-    mission: Mission,
+    mission: Mission | None = None,
+    vehicle: Vehicle | None = None,
     *,
-    flights: int = 64,
-    seed: int = 0,
-    sensors: Any = None,
-    current: ArrayLike | None = None,
-    voltage_v: float | None = None,
-) -> Envelope:
-    """Envelope of a mission with the log in it.
+    obstacles: Sequence[Obstacle] | None = None,
+) -> dict[str, Any]:
+    """Metrics of a recorded mission by the names of `Flight.metrics`, units in the names.
 
-    The mission is flown k times in closed loop, each time with coefficients drawn from their covariance,
-    other noise of the sensors and, where given, another current; `prediction_band` is taken over the flights
-    at the same time since the start.
-
-    `fitted`: the vehicle and how well it is known. `mission`: what was flown. `flights`: how many flights, at
-    least 39; of some more, a few may end before the log does. `sensors`: as for `seatrial.fly`. `current`:
-    north, east, down, m/s; the mean of the recorded one when omitted. `voltage_v`: supply, V; the mean of the
-    recorded one when omitted. Raises SimulationError: too few flights, or too many of them diverged.
+    `mission`: without it there are no metrics of guidance, but those that the log itself tells. `vehicle`:
+    gives the neutral command of the actuators. `obstacles`: what stands in the water besides the mission's
+    own.
     """
-    from seatrial.flight.conditions import Conditions, Water
-    from seatrial.flight.fly import fly_batch
-    from seatrial.flight.metrics import CODED, metrics_of
-
-    if flights < SETTINGS.fewest_flights:
-        raise SimulationError(
-            f"flights: expected at least {SETTINGS.fewest_flights} for a band of 95 %, found {flights};"
-            " fly more"
-        )
     trial = log.trial
-    if current is None:
-        current = np.zeros(3) if trial.current is None else np.nanmean(trial.current, axis=0)
-    if voltage_v is None and trial.voltage_v is not None:
-        voltage_v = float(np.nanmean(trial.voltage_v))
-    first = int(np.flatnonzero(trial.startable)[0]) if trial.startable.any() else 0
-    drawn = fitted.draws(flights, seed) if fitted.names else None
-    flown = fly_batch(
-        fitted.vehicle,
-        autopilot,
-        mission,
-        coefficients=drawn,
-        conditions=Conditions(
-            model=fitted.vehicle, sensors=sensors, initial=State(*trial.state(first)), voltage_v=voltage_v
-        ),
-        water=Water(current=current, rho=trial.rho, g=trial.g),
-        seeds=[seed + 1 + k for k in range(flights)],
-        logs=True,
-    )
-    t = trial.t - trial.t[first]
-    t = t[t >= 0.0]
-    shown = [_quantities(flown, case, t) for case in range(flights)]
-    recorded = _recorded(log, mission, first)
-    bands = {}
-    for name in QUANTITIES:
-        if name not in recorded:
-            continue
-        stack = np.stack([flight[name] for flight in shown])
-        enough = np.isfinite(stack).sum(axis=0) >= SETTINGS.fewest_flights
-        lower, middle, upper = np.full((3, len(t)), np.nan)
-        if enough.any():
-            lower[enough], middle[enough], upper[enough] = prediction_band(stack[:, enough])
-        band = Band(lower, middle, upper, recorded[name], 0.0)
-        seen = np.isfinite(lower) & np.isfinite(band.log)
-        share = float(band.is_outside[seen].mean()) if seen.any() else float("nan")
-        bands[name] = Band(lower, middle, upper, band.log, share)
-    if not any(np.isfinite(band.middle).any() for band in bands.values()):
-        raise SimulationError(
-            f"{fitted.vehicle.name}: fewer than {SETTINGS.fewest_flights} of {flights} flights of"
-            f" {mission.name} did not diverge; check the autopilot and the covariance of the coefficients, or"
-            " fly more"
-        )
-    metrics = {name: value for name, value in metrics_of(flown).items() if name not in CODED}
-    return Envelope(t, bands, flights, metrics)
+    here = set(trial.channels)
+    found: dict[str, Any] = {"duration_s": float(trial.t[-1] - trial.t[0])}
+    if {"x", "y", "z"} <= here:
+        found["distance_m"] = float(np.linalg.norm(np.diff(_smooth(log), axis=0), axis=1).sum())
+    if "energy_wh" in log.beside:
+        found["energy_wh"] = float(np.nanmax(log.beside["energy_wh"]) - log.beside["energy_wh"][0])
+    elif "power" in log.beside:
+        found["energy_wh"] = float(np.nansum(log.beside["power"][:-1]) * trial.dt / 3600.0)
+    if "z" in here:
+        found["depth_largest_m"] = float(np.nanmax(trial.channel("z")))
+        found["depth_smallest_m"] = float(np.nanmin(trial.channel("z")))
+    altitude = log.beside.get("altitude")
+    if altitude is not None and np.isfinite(altitude).any():
+        found["altitude_smallest_m"] = float(np.nanmin(altitude))
+    for name in ("roll", "pitch"):
+        if name in here:
+            found[f"{name}_largest_deg"] = math.degrees(float(np.nanmax(np.abs(trial.channel(name)))))
+    if trial.commands:
+        facts = {} if vehicle is None else vehicle.actuator_info()
+        turns = [
+            switches(signal - float(facts.get(name, {}).get("neutral", 0.0)))
+            for name, signal in trial.commands.items()
+        ]
+        found["switches_per_minute"] = 60.0 * float(np.mean(turns)) / max(found["duration_s"], 1e-9)
+    if mission is not None and {"x", "y"} <= here:
+        found |= _of_guidance(log, mission) | _clearance(log, mission, vehicle, obstacles)
+    return found
 
 
-def _quantities(flown: Flights, case: int, t: Array) -> dict[str, Array]:
-    """Quantities of a flight at times (n,), nan after its end; angles without jumps."""
-    columns = dict(zip(flown.columns, np.asarray(flown.log(case)).T, strict=True))
-    own = np.asarray(flown.t(case))
-    rows = np.searchsorted(own, t + 1e-6, side="right") - 1
-    over = t > own[-1] + 1e-6
-
-    def held(values: Array) -> Array:
-        return np.where(over, np.nan, values[np.clip(rows, 0, len(own) - 1)])
-
-    return {
-        "depth": held(columns["measured_z"]),
-        "speed": held(columns["measured_u"]),
-        "pitch": held(columns["measured_pitch"]),
-        "cross_track": held(columns["cross_track"]),
-        "heading": shorter(held(columns["desired_heading"] - columns["measured_yaw"])),
-    }
+def quantiles(error: Array, name: str) -> dict[str, float]:
+    """Largest, rms and quantiles of the magnitude of an error (n,), m, by the names of a flight."""
+    size = np.abs(error[np.isfinite(error)])
+    if not len(size):
+        return {}
+    found = {f"{name}_largest_m": float(size.max()), f"{name}_rms_m": float(np.sqrt(np.mean(size**2)))}
+    return found | {f"{name}_{key}_m": float(np.quantile(size, share)) for key, share in _SHARES.items()}
 
 
-def _recorded(log: MissionLog, mission: Mission, first: int) -> dict[str, Array]:
-    columns = {
-        name: log.trial.channel(channel)
-        for name, channel in (("depth", "z"), ("speed", "u"), ("pitch", "pitch"))
-        if channel in log.trial.channels
-    }
+def _of_guidance(log: MissionLog, mission: Mission) -> dict[str, Any]:
+    path, progress = Route.of(mission), Progress(log, mission)
     errors = errors_of_guidance(log, mission)
-    columns |= {name: errors[name] for name in ("cross_track", "heading") if name in errors}
-    return {name: values[first:] for name, values in columns.items()}
+    reaction = np.nan_to_num(log.beside.get("reaction", np.zeros(len(log.trial))))
+    half = np.array([
+        0.0 if stop.task == "circle" else 0.5 * path.length(k) for k, stop in enumerate(path.stops)
+    ])
+    holds = np.array([stop.task == "hold" for stop in path.stops])
+    accepted = np.array([stop.acceptance for stop in path.stops])
+    keeping = holds[progress.leg] & (progress.distance <= accepted[progress.leg])
+    under_way = (reaction == 0) & ~progress.done
+    settled = under_way & ~keeping & (progress.distance < half[progress.leg])
+    found: dict[str, Any] = {}
+    for name in ("cross_track", "vertical"):
+        if name in errors:
+            found |= quantiles(errors[name][settled], name)
+    if "z" in log.trial.channels:
+        found["depth_excursion_m"] = _excursion(log, path, progress, under_way)
+    reached = int(progress.leg[-1]) + int(bool(progress.done.any()))
+    found["waypoints_behind"] = float(reached)
+    strongest = int(reaction.max())
+    if strongest in _REACTIONS:
+        found["ending"] = _REACTIONS[strongest]
+    else:
+        found["ending"] = "complete" if reached == len(path.stops) else "out of time"
+    found["abort"] = found["ending"] == "aborted"
+    return found
+
+
+def _clearance(
+    log: MissionLog, mission: Mission, vehicle: Vehicle | None, given: Sequence[Obstacle] | None
+) -> dict[str, float]:
+    """Smallest distance of the hull at the measured positions from what stands in the water, m."""
+    from seatrial.verification.requirement import obstacles
+
+    trial = log.trial
+    columns = [
+        trial.channel(name) if name in trial.channels else np.zeros(len(trial.t))
+        for name in ("x", "y", "z", "roll", "pitch", "yaw")
+    ]
+    pose = np.stack(columns, axis=1)
+    told = np.isfinite(pose).all(axis=1)
+    if not told.any():
+        return {"clearance_m": float("inf")}
+    hull = vehicle if "yaw" in trial.channels else None  # else nobody knows how it lies
+    away = mission.core.clearance(hull, pose[told, :3], pose[told, 3:], obstacles=obstacles(given or ()))
+    nearest = int(np.argmin(away[:, 0]))
+    return {
+        "clearance_m": float(away[nearest, 0]),
+        "clearance_time_s": float(trial.t[told][nearest]),
+        "clearance_reserve_m": float(np.min(reserve(away[:, 0], away[:, 1]))),
+    }
+
+
+def _excursion(log: MissionLog, path: Route, progress: Progress, under_way: Mask) -> float:
+    """How far the vehicle left the band between the depths of a leg's two ends, m.
+
+    Behind the start of a leg, where the vehicle still turns onto it, the depths of the leg before count too.
+    """
+    count = len(path.stops)
+    start, end = (
+        np.array([path.before(k) for k in range(count)]),
+        np.array([stop.position for stop in path.stops]),
+    )
+    band = np.sort(np.stack([start[:, 2], end[:, 2]], axis=1), axis=1)
+    band[[path.follows_bottom(k) for k in range(count)]] = -np.inf, np.inf
+    last = band[np.maximum(np.arange(count) - 1, 0)]
+    entry = np.stack([np.minimum(band, last)[:, 0], np.maximum(band, last)[:, 1]], axis=1)
+    leg, position = progress.leg, log.trial.position
+    along = np.sum((position - start[leg])[:, :2] * (end - start)[leg, :2], axis=1)
+    allowed = np.where((along < 0.0)[:, None], entry[leg], band[leg])
+    out = np.maximum(position[:, 2] - allowed[:, 1], allowed[:, 0] - position[:, 2])[under_way]
+    return float(max(np.nanmax(out, initial=0.0), 0.0))
+
+
+def _smooth(log: MissionLog) -> Array:
+    """Positions once a second: the noise of a fast sensor is no way that was gone."""
+    every = max(1, round(1.0 / log.trial.dt))
+    return np.asarray(log.trial.position[::every])
+
+
+_LOOPS = {
+    "surge": ("speed", "u", 0.1),
+    "sway": ("lateral", "v", 0.1),
+    "heave": ("depth", "z", 0.3),
+    "depth": ("depth", "z", 0.3),
+    "pitch": ("pitch", "pitch", math.radians(3.0)),
+    "heading": ("heading", "yaw", math.radians(5.0)),
+}
+
+
+@dataclass(frozen=True)
+class LogMetricsSettings:
+    """Which set points of a log count as steps."""
+
+    #: Share of a corridor: a set point that moves for longer is no step.
+    ramp_share: float = 0.25
+    #: Largest change of a set point that stands still.
+    rounding: float = 1e-6
+
+
+STEP_SETTINGS = LogMetricsSettings()
+
+
+@dataclass(frozen=True)
+class LoggedStep(Plain):
+    """A step of a set point in a log: loop, time in s, set points in SI, the corridor's criterion.
+
+    ``criterion`` is the weighted area outside the corridor in s, zero where the response stayed inside.
+    """
+
+    loop: str
+    at_s: float
+    before: float
+    after: float
+    criterion: float
+
+
+def logged_steps(log: MissionLog, corridors: Mapping[str, Corridor]) -> tuple[LoggedStep, ...]:
+    """Steps of the logged set points whose response the log holds until the corridor ends.
+
+    A step is a change of a set point that stood before and stands after it. An autopilot ramps its set
+    points: a change in one direction that is over within a quarter of the corridor is a step from where it
+    begins, so that the corridor counts the ramp as well. The response is the smoothed channel as a share of
+    the step: one corridor judges a step at sea as it judged the simulated one, whose truth has no noise.
+
+    `corridors`: by loop: surge, sway, heave, depth, pitch, heading. Raises CampaignError where there is no
+    such loop.
+    """
+    from seatrial.tuning.criterion import criterion, normalised
+
+    found = []
+    for loop, corridor in corridors.items():
+        if loop not in _LOOPS:
+            raise CampaignError(f'corridors: there is no loop "{loop}"{nearest(loop, _LOOPS)}')
+        key, channel, least = _LOOPS[loop]
+        if key not in log.beside or channel not in log.trial.channels:
+            continue
+        t, dt = log.trial.t, log.trial.dt
+        wanted, done = log.beside[key], _smoothed_set_point(log, channel)
+        # A set point that stands for 5 s before it moves begins a step.
+        stand, length = round(5.0 / dt), round(corridor.until_s / dt)
+        for stood, last in _ramps(wanted, key, round(STEP_SETTINGS.ramp_share * corridor.until_s / dt)):
+            first = stood + 1
+            after = slice(first, first + length + 1)
+            if first < stand or first + length >= len(t):
+                continue
+            before, value = wanted[stood], wanted[last]
+            size = float(_apart(np.array([value]), before, key)[0])
+            quiet = np.abs(_apart(wanted[first - stand : first], before, key)).max()
+            stays = np.abs(_apart(wanted[last : first + length + 1], value, key)).max()
+            if abs(size) <= least or max(quiet, stays) > 0.1 * least or not np.isfinite(done[after]).all():
+                continue
+            y = normalised(_apart(done[after], before, key), 0.0, size)
+            q = float(criterion(dt * np.arange(length + 1), y, corridor))
+            found.append(LoggedStep(loop, float(t[first]), float(before), float(before) + size, q))
+    return tuple(sorted(found, key=lambda step: step.at_s))
+
+
+def _ramps(wanted: Array, key: str, longest: int) -> list[tuple[int, int]]:
+    """First and last sample of every change in one direction that is no longer than so many samples."""
+    change = _change(wanted, key)
+    direction = np.where(
+        np.isfinite(change) & (np.abs(change) > STEP_SETTINGS.rounding), np.sign(change), 0.0
+    )
+    edges = np.flatnonzero(np.diff(direction)) + 1
+    first = np.concatenate([[0], edges])
+    last = np.concatenate([edges, [len(direction)]])
+    return [(int(a), int(b)) for a, b in zip(first, last, strict=True) if direction[a] and b - a <= longest]
+
+
+def _smoothed_set_point(log: MissionLog, channel: str) -> Array:
+    """A channel without the noise of its sensor: a moving mean over a second, ends as they are."""
+    values = log.trial.channel(channel)
+    if channel == "yaw":
+        values = np.unwrap(values)
+    # Mean of a logged set point over 1 s: shorter wobble is the log's.
+    width = 2 * round(0.5 / log.trial.dt) + 1
+    known = np.isfinite(values)
+    if width < 3 or len(values) < width:
+        return np.asarray(values)
+    box = np.ones(width)
+    weight = np.convolve(known.astype(float), box, mode="same")
+    with np.errstate(invalid="ignore"):
+        mean = np.convolve(np.where(known, values, 0.0), box, mode="same") / weight
+    return np.where(known, mean, np.nan)
+
+
+def _change(values: Array, key: str) -> Array:
+    return _apart(values[1:], values[:-1], key)
+
+
+def _apart(values: Array, others: Any, key: str) -> Array:
+    away = np.asarray(values - others)
+    return shorter(away) if key == "heading" else away

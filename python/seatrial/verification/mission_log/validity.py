@@ -54,22 +54,11 @@ VALIDITY_SETTINGS = ValiditySettings()
 class ChannelValidity:
     """One channel: share of its samples outside the 95 % band, and whether that is more than chance.
 
-    Attributes
-    ----------
-    channel
-        Its name.
-    outside
-        Share of the samples outside.
-    samples, effective
-        Samples that count, and how many independent ones they are worth.
-    p
-        P-value, adjusted over the channels (Holm).
-    rms, spread
-        Root mean square of the error, and of the half-width of the band, SI.
-    signal
-        Root mean square of what the channel does after a restart: its change from the value there, SI.
-    fails
-        Whether the share is large and no chance.
+    `channel`: its name. `outside`: share of the samples outside. `samples`, `effective`: samples that count,
+    and how many independent ones they are worth. `p`: p-value, adjusted over the channels (Holm). `rms`,
+    `spread`: root mean square of the error, and of the half-width of the band, SI. `signal`: root mean square
+    of what the channel does after a restart: its change from the value there, SI. `fails`: whether the share
+    is large and no chance.
     """
 
     channel: str

@@ -13,21 +13,29 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from seatrial._core import State
+from seatrial.base.arrays import Array
+from seatrial.base.errors import SimulationError
 from seatrial.base.finding import Finding
+from seatrial.base.frames import shorter
 from seatrial.base.plain import Plain
 from seatrial.base.report import Reported, writer_of
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
 from seatrial.base.work import Clock
+from seatrial.verification.mission_log.log import SETTINGS, errors_of_guidance
 from seatrial.verification.mission_log.power import Power
 from seatrial.verification.mission_log.validity import Validity
 
 if TYPE_CHECKING:
-    from seatrial._core import Autopilot, Vehicle
+    from seatrial._core import Autopilot, Flights, Vehicle
     from seatrial.flight.mission import Mission
+    from seatrial.identification.fitted import Fitted
     from seatrial.problem.problem import Problem
-    from seatrial.verification.mission_log.candidates import Suspect
-    from seatrial.verification.mission_log.log import Envelope, MissionLog
-    from seatrial.verification.mission_log.metrics import LoggedStep
+    from seatrial.verification.mission_log.log import Envelope, LoggedStep, MissionLog
+    from seatrial.verification.mission_log.suspects import Suspect
     from seatrial.verification.mission_log.validity import Contradiction
 
 ModelState = Literal["model still valid", "re-identify", "log too short or too quiet to tell", "not judged"]
@@ -64,41 +72,19 @@ class LogVerdict(
 ):
     """What a log says of the model and of the mission.
 
-    Attributes
-    ----------
-    log
-        What was judged.
-    model
-        "model still valid", "re-identify", "log too short or too quiet to tell" where a doubt is left, or
-        "not judged" where the log could not have refuted the model on every controlled axis.
-    cause
-        Why; ``reason`` says it in words.
-    validity
-        Share outside the 95 % band per channel; None where no window could be judged.
-    suspects
-        What may have changed, the one that explains most first; empty where
-        nothing fails.
-    power
-        What this log would have shown of each group of coefficients, and what it refutes; None where no
-        window could be judged.
-    metrics
-        Of the log's own mission, by the names of `Flight.metrics`.
-    requirements, steps
-        Requirements on them, and set-point steps against their corridors.
-    envelope
-        Of the mission in closed loop; None where it was not asked for.
-    contradictions
-        Channels of the log that tell of two motions: a sensor is wrong, and the model is not judged.
-    remarks
-        What was not known; ``notes`` says it in sentences.
-    hidden
-        Channels that do not judge the model, since commands answer waves and noise on their axes.
-    current
-        Steady current north and east, m/s, that was fitted to a log which tells none; else None.
-    vehicle, autopilot, mission
-        The model, and what was flown where that was given.
-    clock
-        When it was judged, and how long that took.
+    `log`: what was judged. `model`: "model still valid", "re-identify", "log too short or too quiet to tell"
+    where a doubt is left, or "not judged" where the log could not have refuted the model on every controlled
+    axis. `cause`: why; ``reason`` says it in words. `validity`: share outside the 95 % band per channel; None
+    where no window could be judged. `suspects`: what may have changed, the one that explains most first;
+    empty where nothing fails. `power`: what this log would have shown of each group of coefficients, and what
+    it refutes; None where no window could be judged. `metrics`: of the log's own mission, by the names of
+    `Flight.metrics`. `requirements`, `steps`: requirements on them, and set-point steps against their
+    corridors. `envelope`: of the mission in closed loop; None where it was not asked for. `contradictions`:
+    channels of the log that tell of two motions: a sensor is wrong, and the model is not judged. `remarks`:
+    what was not known; ``notes`` says it in sentences. `hidden`: channels that do not judge the model, since
+    commands answer waves and noise on their axes. `current`: steady current north and east, m/s, that was
+    fitted to a log which tells none; else None. `vehicle`, `autopilot`, `mission`: the model, and what was
+    flown where that was given. `clock`: when it was judged, and how long that took.
     """
 
     log: MissionLog
@@ -174,19 +160,9 @@ class LogVerdict(
 
         `plot` draws its figures.
 
-        Parameters
-        ----------
-        folder : str or Path
-            Made when it does not exist; an earlier run's is replaced.
-        problem : Problem, optional
-            That of the campaign, where one judged.
-        source : str or Path, optional
-            The log, as it was named; by default the name of its trial.
-
-        Raises
-        ------
-        SeatrialError
-            The directory cannot be written; nothing is left half-written.
+        `folder`: made when it does not exist; an earlier run's is replaced. `problem`: that of the campaign,
+        where one judged. `source`: the log, as it was named; by default the name of its trial. Raises
+        SeatrialError: the directory cannot be written; nothing is left half-written.
         """
         facts = _facts(self, problem, source or self.log.trial.name)
         with RunDirectory(folder) as run:
@@ -227,3 +203,178 @@ def _file(source: str | Path) -> Path | None:
     path = Path(source)
     path = path / "flight.parquet" if path.is_dir() else path
     return path if path.is_file() else None
+
+
+QUANTITIES: Mapping[str, tuple[str, str]] = {
+    "depth": ("depth", "m"),
+    "speed": ("speed", "m/s"),
+    "pitch": ("pitch", "rad"),
+    "cross_track": ("cross-track error", "m"),
+    "heading": ("heading error", "rad"),
+}
+"""Words and SI unit of every quantity of an envelope."""
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """One quantity: 2.5 %, 50 % and 97.5 % over the flights and the log, all (n,), SI.
+
+    ``outside`` is the share of the log's samples outside the band.
+    """
+
+    lower: Array
+    middle: Array
+    upper: Array
+    log: Array
+    outside: float
+
+    @property
+    def is_outside(self) -> NDArray[np.bool_]:
+        """Samples of the log outside the band, (n,)."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray((self.log < self.lower) | (self.log > self.upper))
+
+
+@dataclass(frozen=True, eq=False)
+class Envelope:
+    """Envelope of a mission with the log in it.
+
+    `t`: times since the start of the log, (n,), s. `bands`: a `Band` by the name of the quantity, see
+    `QUANTITIES`. `flights`: how many flights it rests on. `metrics`: metrics of the flights, (k,) each, by
+    the names of `Flight.metrics`.
+    """
+
+    t: Array
+    bands: Mapping[str, Band]
+    flights: int
+    metrics: Mapping[str, Array]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Share outside by quantity, and quantiles of the metrics, as plain data."""
+        return {
+            "flights": self.flights,
+            "outside": {name: band.outside for name, band in self.bands.items()},
+            "metrics": {
+                name: [float(x) for x in prediction_band(values)]
+                for name, values in self.metrics.items()
+                if np.isfinite(values).any()
+            },
+        }
+
+
+def prediction_band(values: Array) -> Array:
+    """Values (3, ...) between the outer two of which a further one of k falls with 95 %, and their median.
+
+    The ranks 0.025 (k + 1) and 0.975 (k + 1) (Weibull 1939; Hyndman & Fan 1996, The American Statistician
+    50:361, definition 6) exist from 39 flights on. `values` (k, ...); nan where a flight has none.
+    """
+    # Median and ends of the middle 95 %.
+    return np.asarray(np.nanquantile(values, (0.025, 0.5, 0.975), axis=0, method="weibull"))
+
+
+def mission_envelope(
+    fitted: Fitted,
+    log: MissionLog,
+    autopilot: Autopilot,
+    mission: Mission,
+    *,
+    flights: int = 64,
+    seed: int = 0,
+    sensors: Any = None,
+    current: ArrayLike | None = None,
+    voltage_v: float | None = None,
+) -> Envelope:
+    """Envelope of a mission with the log in it.
+
+    The mission is flown k times in closed loop, each time with coefficients drawn from their covariance,
+    other noise of the sensors and, where given, another current; `prediction_band` is taken over the flights
+    at the same time since the start.
+
+    `fitted`: the vehicle and how well it is known. `mission`: what was flown. `flights`: how many flights, at
+    least 39; of some more, a few may end before the log does. `sensors`: as for `seatrial.fly`. `current`:
+    north, east, down, m/s; the mean of the recorded one when omitted. `voltage_v`: supply, V; the mean of the
+    recorded one when omitted. Raises SimulationError: too few flights, or too many of them diverged.
+    """
+    from seatrial.flight.conditions import Conditions, Water
+    from seatrial.flight.fly import fly_batch
+    from seatrial.flight.metrics import CODED, metrics_of
+
+    if flights < SETTINGS.fewest_flights:
+        raise SimulationError(
+            f"flights: expected at least {SETTINGS.fewest_flights} for a band of 95 %, found {flights};"
+            " fly more"
+        )
+    trial = log.trial
+    if current is None:
+        current = np.zeros(3) if trial.current is None else np.nanmean(trial.current, axis=0)
+    if voltage_v is None and trial.voltage_v is not None:
+        voltage_v = float(np.nanmean(trial.voltage_v))
+    first = int(np.flatnonzero(trial.startable)[0]) if trial.startable.any() else 0
+    drawn = fitted.draws(flights, seed) if fitted.names else None
+    flown = fly_batch(
+        fitted.vehicle,
+        autopilot,
+        mission,
+        coefficients=drawn,
+        conditions=Conditions(
+            model=fitted.vehicle, sensors=sensors, initial=State(*trial.state(first)), voltage_v=voltage_v
+        ),
+        water=Water(current=current, rho=trial.rho, g=trial.g),
+        seeds=[seed + 1 + k for k in range(flights)],
+        logs=True,
+    )
+    t = trial.t - trial.t[first]
+    t = t[t >= 0.0]
+    shown = [_quantities(flown, case, t) for case in range(flights)]
+    recorded = _recorded(log, mission, first)
+    bands = {}
+    for name in QUANTITIES:
+        if name not in recorded:
+            continue
+        stack = np.stack([flight[name] for flight in shown])
+        enough = np.isfinite(stack).sum(axis=0) >= SETTINGS.fewest_flights
+        lower, middle, upper = np.full((3, len(t)), np.nan)
+        if enough.any():
+            lower[enough], middle[enough], upper[enough] = prediction_band(stack[:, enough])
+        band = Band(lower, middle, upper, recorded[name], 0.0)
+        seen = np.isfinite(lower) & np.isfinite(band.log)
+        share = float(band.is_outside[seen].mean()) if seen.any() else float("nan")
+        bands[name] = Band(lower, middle, upper, band.log, share)
+    if not any(np.isfinite(band.middle).any() for band in bands.values()):
+        raise SimulationError(
+            f"{fitted.vehicle.name}: fewer than {SETTINGS.fewest_flights} of {flights} flights of"
+            f" {mission.name} did not diverge; check the autopilot and the covariance of the coefficients, or"
+            " fly more"
+        )
+    metrics = {name: value for name, value in metrics_of(flown).items() if name not in CODED}
+    return Envelope(t, bands, flights, metrics)
+
+
+def _quantities(flown: Flights, case: int, t: Array) -> dict[str, Array]:
+    """Quantities of a flight at times (n,), nan after its end; angles without jumps."""
+    columns = dict(zip(flown.columns, np.asarray(flown.log(case)).T, strict=True))
+    own = np.asarray(flown.t(case))
+    rows = np.searchsorted(own, t + 1e-6, side="right") - 1
+    over = t > own[-1] + 1e-6
+
+    def held(values: Array) -> Array:
+        return np.where(over, np.nan, values[np.clip(rows, 0, len(own) - 1)])
+
+    return {
+        "depth": held(columns["measured_z"]),
+        "speed": held(columns["measured_u"]),
+        "pitch": held(columns["measured_pitch"]),
+        "cross_track": held(columns["cross_track"]),
+        "heading": shorter(held(columns["desired_heading"] - columns["measured_yaw"])),
+    }
+
+
+def _recorded(log: MissionLog, mission: Mission, first: int) -> dict[str, Array]:
+    columns = {
+        name: log.trial.channel(channel)
+        for name, channel in (("depth", "z"), ("speed", "u"), ("pitch", "pitch"))
+        if channel in log.trial.channels
+    }
+    errors = errors_of_guidance(log, mission)
+    columns |= {name: errors[name] for name in ("cross_track", "heading") if name in errors}
+    return {name: values[first:] for name, values in columns.items()}
