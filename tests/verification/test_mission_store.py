@@ -12,9 +12,9 @@ import pytest
 
 import seatrial as st
 from seatrial import SeatrialError
-from seatrial.verification import missions
-from seatrial.verification.flown_missions import FlownMissions
-from seatrial.verification.missions import MissionSettings, MissionStore
+from seatrial.verification import flown_missions, missions
+from seatrial.verification.flown_missions import FlownMissions, MissionStore, StoreSettings
+from seatrial.verification.missions import MissionSettings
 
 OUT = """
 format = 1
@@ -55,8 +55,7 @@ def test_a_verdict_from_files_is_that_from_memory(tmp_path: Path, monkeypatch: p
     assert near.flown.stored is None
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
     (tmp_path / "temporary").mkdir()
-    monkeypatch.setattr(missions, "MISSION_SETTINGS", MissionSettings(chunk=8, in_memory=20))
-    monkeypatch.setattr(missions, "COUNTED", 12)
+    monkeypatch.setattr(flown_missions, "STORE_SETTINGS", StoreSettings(in_memory=20, counted=12))
     far = verified(tmp_path / "far")
     assert far.flown.stored is not None
     (folder,) = (tmp_path / "temporary").iterdir()
@@ -88,7 +87,7 @@ def test_a_verdict_from_files_is_that_from_memory(tmp_path: Path, monkeypatch: p
 
 def test_a_store_that_is_given_up_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    monkeypatch.setattr(missions, "MISSION_SETTINGS", MissionSettings(in_memory=4))
+    monkeypatch.setattr(flown_missions, "STORE_SETTINGS", StoreSettings(in_memory=4))
     part = FlownMissions(
         np.arange(4), np.zeros(4, int), np.arange(4), {"duration_s": np.ones(4)}, {}, np.zeros((4, 2)),
         np.zeros((4, 2)), 1.0,

@@ -154,7 +154,8 @@ def forecast(
             simulated(other, manoeuvre, voltage_v=voltage_v, tilt_deg=SETTINGS.start_tilt_deg),
         ]
     except DivergenceError:
-        return Forecast(*[float("nan")] * 8, (), "the simulation diverges")
+        none = float("nan")
+        return Forecast(none, none, none, none, none, none, none, none, (), "the simulation diverges")
     # The worse of two vehicles counts: as modelled, and with uneven thrust and a tilt at the start.
     position = np.array([run.position for run in runs])
     euler = np.rad2deg([run.euler for run in runs])

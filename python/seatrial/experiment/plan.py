@@ -286,7 +286,7 @@ class _Judge:
             # Of trials that are about as good, the one that needs the least area.
             scores = np.array([self.score(total + own) for own in informations])
             alike = np.flatnonzero(scores <= PLAN_SETTINGS.alike * scores.min())
-            area = [fitting[k].forecast.along_m * fitting[k].forecast.across_m for k in alike]
+            area = [fitting[k].forecast.along_m * fitting[k].forecast.across_m for k in alike.tolist()]
             best = int(alike[np.argmin(area)])
             chosen.append(self.ranked(total, fitting[best], informations[best]))
             total = total + informations[best]

@@ -54,6 +54,13 @@ VARIABLES: Mapping[str, str] = {
 }
 """Variables besides the coefficients of the vehicle."""
 
+_OF_CURRENT = {
+    "current_speed_m_s": "speed_m_s",
+    "current_direction_deg": "direction_deg",
+    "turbulence_m_s": "turbulence_m_s",
+}
+"""Variables that are keys of the table's current."""
+
 
 @dataclass(frozen=True)
 class BoundarySettings:
@@ -142,13 +149,9 @@ def flights_at(
     for variable, share_ in zip(variables, x.tolist(), strict=True):
         value = variable.value(share_)
         fixed = DistributionTable(fixed=value)
-        current: dict[str, Any] = {}
-        if variable.name == "current_speed_m_s":
-            current = {"speed_m_s": fixed}
-        elif variable.name == "current_direction_deg":
-            current = {"direction_deg": fixed}
-        elif variable.name == "turbulence_m_s":
-            current = {"turbulence_m_s": fixed}
+        if variable.name in _OF_CURRENT:
+            current = table.current.model_copy(update={_OF_CURRENT[variable.name]: fixed})
+            table = table.model_copy(update={"current": current})
         elif variable.name == "wave_height_m":
             waves = Waves(height_m=fixed) if table.waves is None else table.waves
             table = table.model_copy(update={"waves": waves.model_copy(update={"height_m": fixed})})
@@ -158,8 +161,6 @@ def flights_at(
             payload = value
         elif variable.name == "sensor_latency_s":
             flights = _later(flights, value)
-        if current:
-            table = table.model_copy(update={"current": table.current.model_copy(update=current)})
     return replace(flights, table=table), payload
 
 
@@ -216,17 +217,12 @@ class BoundarySurvey:
                 self.failures.append(failures)
                 self.x.append(place)
                 if progress is not None:
-                    done, left = len(self.x), self.places - len(self.x)
-                    missions = f"{done * self.runs} of {self.places * self.runs} missions flown"
+                    done, total = len(self.x), self.places
+                    detail = f"{done * self.runs} of {total * self.runs} missions flown"
+                    left_s = clock.left_s(done, total - done)
                     progress(
                         Progress(
-                            what="boundary",
-                            done=done,
-                            total=self.places,
-                            fraction=done / self.places,
-                            elapsed_s=clock.elapsed_s,
-                            left_s=clock.left_s(done, left),
-                            detail=missions,
+                            "boundary", done, total, done / total, clock.elapsed_s, left_s, detail=detail
                         )
                     )
 
@@ -365,15 +361,9 @@ class FailureBoundary(RunResult):
         if second is not None:
             low, high = list(self.variables.values())[1]
             at = (second - low) / (high - low)
-        return [
-            (
-                self.value(0, one.at),
-                self.value(0, one.interval[0]),
-                self.value(0, one.interval[1]),
-                one.rising,
-            )
-            for one in self.requirement(name).surface.crossings(at)
-        ]
+        crossings = self.requirement(name).surface.crossings(at)
+        ends = [(self.value(0, c.interval[0]), self.value(0, c.interval[1])) for c in crossings]
+        return [(self.value(0, c.at), *span, c.rising) for c, span in zip(crossings, ends, strict=True)]
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
@@ -470,9 +460,14 @@ class Boundary:
                 interrupted = True
                 if len(survey.x) < 2:
                     raise
+            ranges = {variable.name: (variable.low, variable.high) for variable in asked}
+            options = {
+                "variables": {name: list(ends) for name, ends in ranges.items()},
+                "runs": scenario.runs,
+            }
             result = FailureBoundary(
                 scenario=scenario,
-                variables={variable.name: (variable.low, variable.high) for variable in asked},
+                variables=ranges,
                 requirements=tuple(
                     RequirementBoundary(requirement, survey.surface(k), survey.failed(k))
                     for k, requirement in enumerate(chosen)
@@ -482,15 +477,7 @@ class Boundary:
                 ]),
                 runs_per_place=survey.runs,
                 interrupted=interrupted,
-                facts=scenario.facts(
-                    _KIND,
-                    clock=clock,
-                    options={
-                        "variables": {variable.name: [variable.low, variable.high] for variable in asked},
-                        "runs": scenario.runs,
-                    },
-                    interrupted=interrupted,
-                ),
+                facts=scenario.facts(_KIND, clock=clock, options=options, interrupted=interrupted),
             )
             if work.run_dir is not None and not interrupted:
                 run.publish(result.facts, result.files())

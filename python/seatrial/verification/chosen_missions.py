@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,8 @@ from seatrial.verification.draws import (
     OUTAGE_WIDTH,
     SEED_COLUMN,
     Draws,
+    FaultRow,
+    OutageRow,
     composed,
     scattered,
 )
@@ -131,19 +133,33 @@ class MissionSpace:
         return np.concatenate(found) if found else np.zeros(0)
 
 
-def watched(
-    progress: Callable[[Progress], None] | None, clock: Clock, requirement: str, place: int, count: int
-) -> Callable[[float, str], None]:
-    """What the search of a requirement, one of `count` from 0, reports: as progress of the whole."""
+_T = TypeVar("_T")
 
-    def watch(share: float, detail: str) -> None:
-        if progress is None:
-            return
-        fraction = (place + share) / count
-        left = clock.elapsed_s * (1.0 - fraction) / max(fraction, 1e-6)
-        progress(Progress(requirement, place, count, fraction, clock.elapsed_s, left, detail=detail))
 
-    return watch
+def searched(
+    requirements: Sequence[Requirement],
+    search: Callable[[Requirement, Callable[[float, str], None]], _T],
+    progress: Callable[[Progress], None] | None,
+) -> tuple[tuple[_T, ...], bool]:
+    """What a search finds for requirements, one after the other, and whether Ctrl-C ended it early.
+
+    `search` gets a requirement, and what to call with the share that is done and a detail.
+    """
+    clock, results, count = Clock(), list[_T](), len(requirements)
+    for place, requirement in enumerate(requirements):
+
+        def watch(share: float, detail: str, place: int = place, what: str = requirement.name) -> None:
+            if progress is None:
+                return
+            fraction = (place + share) / count
+            left = clock.elapsed_s * (1.0 - fraction) / max(fraction, 1e-6)
+            progress(Progress(what, place, count, fraction, clock.elapsed_s, left, detail=detail))
+
+        try:
+            results.append(search(requirement, watch))
+        except KeyboardInterrupt:
+            return tuple(results), True
+    return tuple(results), False
 
 
 @dataclass(frozen=True)
@@ -172,21 +188,21 @@ def check_cases(
     Raises CampaignError where an unknown mission, requirement, coefficient, channel, actuator or sensor.
     """
     channels, known = autopilot_names()["channels"], flights.fitted.vehicle.coefficients()
-    for one in cases:
-        said = f"{where}: verification, case {one.name!r}"
+    for case in cases:
+        place = f"{where}: verification, case {case.name!r}"
         for key, names, of in (
-            ("mission", () if one.mission is None else (one.mission,), flights.titles),
-            ("requirements", one.requirements, [each.name for each in requirements]),
-            ("coefficients", tuple(one.coefficients), known),
-            ("sensor_offsets", tuple(one.sensor_offsets), channels),
+            ("mission", () if case.mission is None else (case.mission,), flights.titles),
+            ("requirements", case.requirements, [each.name for each in requirements]),
+            ("coefficients", tuple(case.coefficients), known),
+            ("sensor_offsets", tuple(case.sensor_offsets), channels),
         ):
             for name in names:
                 if name not in of:
-                    raise CampaignError(f"{said}, key {key}: unknown {name!r}{nearest(name, of)}")
+                    raise CampaignError(f"{place}, key {key}: unknown {name!r}{nearest(name, of)}")
         try:
-            draws_of([one], flights)
+            draws_of([case], flights)
         except SimulationError as error:
-            raise CampaignError(f"{said}: {error}") from None
+            raise CampaignError(f"{place}: {error}") from None
 
 
 def draws_of(cases: Sequence[CaseTable], flights: CampaignFlights) -> Draws:
@@ -195,71 +211,56 @@ def draws_of(cases: Sequence[CaseTable], flights: CampaignFlights) -> Draws:
     Raises SimulationError where an actuator or sensor is unknown, or a command is beyond its range.
     """
     missions, titles = flights.missions, flights.titles
-    index = [0 if one.mission is None else titles.index(one.mission) for one in cases]
-    starts = [missions[k].start for k in index]
-    place = [[start["north_m"], start["east_m"], start["depth_m"]] for start in starts]
-    position = [one.position_m or at for one, at in zip(cases, place, strict=True)]
-    attitude = [
-        np.radians(one.attitude_deg) if one.attitude_deg else np.array([0.0, 0.0, start["heading"]])
-        for one, start in zip(cases, starts, strict=True)
-    ]
-    current = np.array([one.current_m_s for one in cases])
-    nu = np.zeros((len(cases), 6))
-    for k, one in enumerate(cases):
-        cosine, sine = math.cos(attitude[k][2]), math.sin(attitude[k][2])
+    index = [0 if case.mission is None else titles.index(case.mission) for case in cases]
+    channels, vehicle = autopilot_names()["channels"], flights.fitted.vehicle
+    own = vehicle.coefficients()
+    varied = dict.fromkeys(name for case in cases for name in case.coefficients)
+    current = np.array([case.current_m_s for case in cases])
+    position, attitude = np.zeros((2, len(cases), 3))
+    nu, offsets = np.zeros((len(cases), 6)), np.zeros((len(cases), len(channels)))
+    faults: list[FaultRow] = []
+    outages: list[OutageRow] = []
+    for k, case in enumerate(cases):
+        # What a case does not say is as the mission has it: its start, level, at rest in the water.
+        start, longest = missions[index[k]].start, float(flights.longest_s[index[k]])
+        position[k] = case.position_m or (start["north_m"], start["east_m"], start["depth_m"])
+        attitude[k] = np.radians(case.attitude_deg) if case.attitude_deg else (0.0, 0.0, start["heading"])
+        cosine, sine = math.cos(attitude[k, 2]), math.sin(attitude[k, 2])
         north, east, down = current[k]
         nu[k, :3] = cosine * north + sine * east, -sine * north + cosine * east, down
-        if one.velocity is not None:
-            nu[k] = one.velocity
-    vehicle = flights.fitted.vehicle
-    own = vehicle.coefficients()
-    varied = dict.fromkeys(name for one in cases for name in one.coefficients)
-    channels = autopilot_names()["channels"]
-    offsets = np.zeros((len(cases), len(channels)))
-    for k, one in enumerate(cases):
-        for name, value in one.sensor_offsets.items():
+        if case.velocity is not None:
+            nu[k] = case.velocity
+        for name, value in case.sensor_offsets.items():
             offsets[k, channels.index(name)] = value
-    longest = np.array(flights.longest_s)[index]
+        failing = [Fault(f.actuator, f.at_s, f.command is None, f.command) for f in case.faults]
+        faults += fault_rows(failing, vehicle, longest, case=k)
+        silent = [Outage(o.sensor, o.from_s, o.until_s) for o in case.outages]
+        outages += [(k, *row) for row in outage_rows(silent, longest)]
     return Draws(
         numbers=np.arange(len(cases)),
         mission=np.array(index, dtype=np.int_),
         coefficients={
-            name: np.array([one.coefficients.get(name, own.get(name, 0.0)) for one in cases])
+            name: np.array([case.coefficients.get(name, own.get(name, 0.0)) for case in cases])
             for name in varied
         },
         current=current,
-        turbulence=np.array([one.turbulence_m_s for one in cases]),
-        waves=np.array([_sea(one) for one in cases]),
-        position=np.array(position, dtype=float),
-        attitude=np.array(attitude, dtype=float),
+        turbulence=np.array([case.turbulence_m_s for case in cases]),
+        waves=np.array([_sea(case) for case in cases]),
+        position=position,
+        attitude=attitude,
         nu=nu,
-        faults=[
-            row
-            for k, one in enumerate(cases)
-            for row in fault_rows(
-                [Fault(f.actuator, f.at_s, f.command is None, f.command) for f in one.faults],
-                vehicle,
-                float(longest[k]),
-                case=k,
-            )
-        ],
-        outages=[
-            (k, *row)
-            for k, one in enumerate(cases)
-            for row in outage_rows(
-                [Outage(o.sensor, o.from_s, o.until_s) for o in one.outages], float(longest[k])
-            )
-        ],
-        seeds=np.array([one.seed for one in cases], dtype=np.int_),
+        faults=faults,
+        outages=outages,
+        seeds=np.array([case.seed for case in cases], dtype=np.int_),
         causes={},
         offsets=offsets,
     )
 
 
-def _sea(one: CaseTable) -> Sequence[float]:
-    if one.waves is None:
+def _sea(case: CaseTable) -> Sequence[float]:
+    if case.waves is None:
         return CALM
-    height, period, toward, spreading, peakedness = one.waves
+    height, period, toward, spreading, peakedness = case.waves
     return height, period, math.radians(toward), math.radians(spreading), peakedness
 
 
@@ -274,16 +275,15 @@ def fly_cases(
     if not cases:
         return ()
     flown = flights.fly_drawn(draws_of(cases, flights), threads=threads)
-    values = {one.name: robustness(one, flown, flights) for one in requirements}
-    held = {one.name: one.judge(flown.metrics).held for one in requirements}
-    found = []
-    for k, one in enumerate(cases):
-        names = one.requirements or tuple(values)
+    values = {asked.name: robustness(asked, flown, flights) for asked in requirements}
+    passed = {asked.name: asked.judge(flown.metrics).held for asked in requirements}
+    results = []
+    for k, case in enumerate(cases):
+        names = case.requirements or tuple(values)
         # Held with nothing to spare is held.
-        judged = {name: float(values[name][k]) or (1e-12 if held[name][k] else -1e-12) for name in names}
-        title = flights.titles[int(flown.mission[k])]
-        found.append(FlownCase(one.name, title, judged))
-    return tuple(found)
+        judged = {name: float(values[name][k]) or (1e-12 if passed[name][k] else -1e-12) for name in names}
+        results.append(FlownCase(case.name, flights.titles[int(flown.mission[k])], judged))
+    return tuple(results)
 
 
 def case_text(name: str, requirement: str, drawn: Draws, flights: CampaignFlights) -> str:
@@ -311,15 +311,16 @@ def case_text(name: str, requirement: str, drawn: Draws, flights: CampaignFlight
     if drawn.offsets is not None and drawn.offsets[0].any():
         offsets = zip(channels, drawn.offsets[0].tolist(), strict=True)
         table["sensor_offsets"] = {channel: value for channel, value in offsets if value}
-    faults = [
-        {"actuator": actuator, "at_s": at} | ({} if math.isnan(command) else {"command": command})
-        for _, actuator, at, command in drawn.faults
-    ]
-    if faults:
-        table["faults"] = faults
-    outages = [{"sensor": groups[g], "from_s": begin, "until_s": end} for _, g, begin, end in drawn.outages]
-    if outages:
-        table["outages"] = outages
+    failures = {
+        "faults": [
+            {"actuator": actuator, "at_s": at} | ({} if math.isnan(command) else {"command": command})
+            for _, actuator, at, command in drawn.faults
+        ],
+        "outages": [
+            {"sensor": groups[g], "from_s": begin, "until_s": end} for _, g, begin, end in drawn.outages
+        ],
+    }
+    table.update({key: rows for key, rows in failures.items() if rows})
     whole = tomlkit.document()
     cases = tomlkit.aot()
     cases.append(table)

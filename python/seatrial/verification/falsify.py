@@ -24,7 +24,7 @@ from seatrial.base.finding import Finding
 from seatrial.base.plain import Plain
 from seatrial.base.run import RunDirectory, RunResult, to_json
 from seatrial.base.work import HERE, Clock, Work
-from seatrial.verification.chosen_missions import MissionSpace, case_text, watched
+from seatrial.verification.chosen_missions import MissionSpace, case_text, searched
 from seatrial.verification.judgement import robustness, unusable
 from seatrial.verification.requirement import named
 
@@ -189,28 +189,15 @@ class Falsify:
         `scenario`: what is flown. `work`: threads, folder of the results and progress.
         """
         chosen = scenario.chosen(self.requirements)
-        clock, worst, interrupted = Clock(), [], False
+        clock, options = Clock(), {"within": self.within, "budget": self.budget}
         with RunDirectory(work.run_dir, "falsification", resume=False) as run:
-            try:
-                for place, requirement in enumerate(chosen):
-                    search = _Search(scenario, requirement, self, work.threads)
-                    worst.append(
-                        search.run(watched(work.progress, clock, requirement.name, place, len(chosen)))
-                    )
-            except KeyboardInterrupt:
-                interrupted = True
-            result = Falsification(
-                scenario=scenario,
-                requirements=tuple(worst),
-                within=self.within,
-                interrupted=interrupted,
-                facts=scenario.facts(
-                    "falsification",
-                    clock=clock,
-                    options={"within": self.within, "budget": self.budget},
-                    interrupted=interrupted,
-                ),
+            worst, interrupted = searched(
+                chosen,
+                lambda asked, watch: _Search(scenario, asked, self, work.threads).run(watch),
+                work.progress,
             )
+            facts = scenario.facts("falsification", clock=clock, options=options, interrupted=interrupted)
+            result = Falsification(scenario, worst, self.within, interrupted, facts)
             if work.run_dir is not None and not interrupted:
                 run.publish(result.facts, result.files())
         return result

@@ -3,14 +3,23 @@
 Kept between runs as Parquet, bit by bit as they were flown: a verdict does not depend on where its missions
 were taken up again.
 
-Tests: ``tests/verification/test_verify.py``.
+A mission has some fifty columns, 0.6 kB, and 0.7 kB of error counts. From `StoreSettings.in_memory`
+missions on the columns go to Parquet files of a temporary folder (of ``TMPDIR``), which is removed with the
+last object that reads from it. What judges them asks for one column after the other, so that a million
+missions take the memory of a few columns.
+
+Tests: ``tests/verification/test_verify.py``, ``tests/verification/test_mission_store.py``.
 """
 
 from __future__ import annotations
 
 import io
+import shutil
+import tempfile
+import weakref
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +28,8 @@ from numpy.typing import NDArray
 
 from seatrial._core import autopilot_names
 from seatrial.base.arrays import Array
-from seatrial.base.atomic_write import before_table, parquet
+from seatrial.base.atomic_write import before_table, parquet, write_atomic
+from seatrial.base.errors import SeatrialError, reason
 from seatrial.flight.metrics import DIVERGED, metrics_of
 
 if TYPE_CHECKING:
@@ -34,11 +44,20 @@ KEPT = ("numbers", "mission", "seeds", "perceived_counts", "true_counts")
 
 _METRIC, _CAUSE = "metric ", "cause "
 
-COUNTED = 16_384
-"""Missions whose samples of the cross-track error are kept for the figure of their distribution."""
-
 WORDS = "U24"
 """Type of a column of words, as of endings."""
+
+
+@dataclass(frozen=True)
+class StoreSettings:
+    """How many missions are kept in memory."""
+
+    in_memory: int = 16_384  #: Missions from which those that are there go to a file.
+    #: Missions whose samples of the cross-track error are kept for the figure of their distribution.
+    counted: int = 16_384
+
+
+STORE_SETTINGS = StoreSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,9 +68,9 @@ class FlownMissions:
     `metrics`: numbers, words (``ending``, ``alert``) and truths (``abort``) by name, (k,). `causes`: what was
     drawn, by readable names with units, (k,). `perceived_counts`, `true_counts`: samples of the cross-track
     error on settled legs between the edges of `seatrial._core.error_edges`, (n, edges + 1): as guidance
-    perceived it, and of where the vehicle really was. Of the first n missions only, `COUNTED` at most.
-    `wall_s`: time that they took, s. `stored`: the same as columns of files, as of `to_frame`, where metrics
-    and causes are read from there (`seatrial.verification.missions`); None where all is in memory.
+    perceived it, and of where the vehicle really was; of the first n missions only,
+    `StoreSettings.counted` at most. `wall_s`: time that they took, s. `stored`: the same as columns of files,
+    as of `to_frame`, where metrics and causes are read from there; None where all is in memory.
     """
 
     numbers: NDArray[np.int_]
@@ -203,6 +222,72 @@ class FlownMissions:
             causes={name: np.concatenate([part.causes[name] for part in parts]) for name in first.causes},
             wall_s=sum(part.wall_s for part in parts),
         )
+
+
+class MissionStore:
+    """Parts of a series of missions, in their order."""
+
+    def __init__(self) -> None:
+        self._parts: list[FlownMissions] = []
+        self._files: list[Path] = []
+        self._folder: Path | None = None
+        self._removal: weakref.finalize[..., object] | None = None
+        self._counted: list[FlownMissions] = []
+        self._waiting = self._missions = 0
+        self._wall_s = 0.0
+
+    def append(self, part: FlownMissions) -> None:
+        """Take the next part of the series.
+
+        Raises SeatrialError where the temporary folder takes no more.
+        """
+        left = max(STORE_SETTINGS.counted - self._missions, 0)
+        self._parts.append(part)
+        self._waiting, self._missions = self._waiting + len(part), self._missions + len(part)
+        self._wall_s += part.wall_s
+        if left:
+            self._counted.append(part.first(left))
+        if self._waiting >= STORE_SETTINGS.in_memory:
+            self._to_file()
+
+    def flown(self) -> FlownMissions | None:
+        """All missions; None without one."""
+        if not self._missions:
+            return None
+        counts = FlownMissions.joined(self._counted)
+        if self._folder is None:
+            return replace(
+                FlownMissions.joined(self._parts),
+                perceived_counts=counts.perceived_counts,
+                true_counts=counts.true_counts,
+            )
+        import polars as pl
+
+        if self._parts:
+            self._to_file()
+        found = FlownMissions.of_columns(
+            pl.scan_parquet(self._files), (counts.perceived_counts, counts.true_counts), wall_s=self._wall_s
+        )
+        if self._removal is not None and self._removal.detach():  # now theirs who read from it
+            weakref.finalize(found.stored, shutil.rmtree, self._folder, ignore_errors=True)
+        return found
+
+    def _to_file(self) -> None:
+        before_table()
+        whole = FlownMissions.joined(self._parts).to_frame().drop("perceived_counts", "true_counts")
+        try:
+            if self._folder is None:
+                self._folder = Path(tempfile.mkdtemp(prefix="seatrial-missions-"))
+                self._removal = weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
+            path = self._folder / f"{len(self._files):06}.parquet"
+            write_atomic(path, partial(whole.write_parquet, compression="lz4", statistics=False))
+        except OSError as error:
+            raise SeatrialError(
+                f"{self._folder or tempfile.gettempdir()}: the missions cannot be written there"
+                f" ({reason(error)}); set TMPDIR to a folder with 0.5 GB per million missions"
+            ) from None
+        self._files.append(path)
+        self._parts, self._waiting = [], 0
 
 
 class _Stored(Mapping[str, Values]):

@@ -5,13 +5,8 @@ is a function of the campaign's seed and of i alone, whatever else is flown besi
 bits wherever a case stands in a batch. A batch of one takes another path through the core, whose last bits
 differ, so that a mission that is alone is flown in two lanes.
 
-A chunk is 512 missions: enough to fill the lanes of many threads, few enough that Ctrl-C loses seconds. A
-mission has some fifty columns, 0.6 kB, and 0.7 kB of error counts. From `IN_MEMORY` missions on the columns
-go to Parquet files of a temporary folder (of ``TMPDIR``), which is removed with the last object that reads
-from it. What judges them asks for one column after the other, so that a million missions take the memory of
-a few columns.
-
-Held by ``tests/verification/test_verify.py`` and ``tests/verification/test_mission_store.py``.
+A chunk is 512 missions: enough to fill the lanes of many threads, few enough that Ctrl-C loses seconds. Held
+by ``tests/verification/test_verify.py``.
 """
 
 from __future__ import annotations
@@ -19,13 +14,10 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import shutil
-import tempfile
 import time
-import weakref
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,9 +27,7 @@ from numpy.typing import ArrayLike
 
 from seatrial._core import autopilot_names, error_edges
 from seatrial.base.arrays import Array
-from seatrial.base.atomic_write import before_table, write_atomic
 from seatrial.base.chunks import Chunk, Format, Shared, run_chunks
-from seatrial.base.errors import SeatrialError, reason
 from seatrial.base.finding import Finding
 from seatrial.base.report import clause_of
 from seatrial.base.work import Clock, Progress
@@ -50,7 +40,13 @@ from seatrial.flight.sea import SeaState
 from seatrial.identification.fitted import Fitted
 from seatrial.verification.draws import Draws, draw_missions
 from seatrial.verification.expression import KNOWN
-from seatrial.verification.flown_missions import COUNTED, KEPT, WORDS, FlownMissions, metrics_for_requirements
+from seatrial.verification.flown_missions import (
+    KEPT,
+    WORDS,
+    FlownMissions,
+    MissionStore,
+    metrics_for_requirements,
+)
 from seatrial.verification.requirement import obstacles
 from seatrial.verification.table import VerificationTable
 
@@ -64,83 +60,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class MissionSettings:
-    """How many missions are flown at a time, and how many are kept in memory."""
+    """How many missions are flown at a time."""
 
-    #: Missions from which those that are there go to a file.
-    in_memory: int = 16_384
-    #: Missions between two reports.
-    chunk: int = 512
-    #: Draws from which a filter is told of the water.
-    draws_of_water: int = 64
+    chunk: int = 512  #: Missions between two reports.
+    draws_of_water: int = 64  #: Draws from which a filter is told of the water.
 
 
 MISSION_SETTINGS = MissionSettings()
-
-
-class MissionStore:
-    """Parts of a series of missions, in their order."""
-
-    def __init__(self) -> None:
-        self._parts: list[FlownMissions] = []
-        self._files: list[Path] = []
-        self._folder: Path | None = None
-        self._removal: weakref.finalize[..., object] | None = None
-        self._counted: list[FlownMissions] = []
-        self._waiting = self._missions = 0
-        self._wall_s = 0.0
-
-    def append(self, part: FlownMissions) -> None:
-        """Take the next part of the series.
-
-        Raises SeatrialError where the temporary folder takes no more.
-        """
-        left = max(COUNTED - self._missions, 0)
-        self._parts.append(part)
-        self._waiting, self._missions = self._waiting + len(part), self._missions + len(part)
-        self._wall_s += part.wall_s
-        if left:
-            self._counted.append(part.first(left))
-        if self._waiting >= MISSION_SETTINGS.in_memory:
-            self._to_file()
-
-    def flown(self) -> FlownMissions | None:
-        """All missions; None without one."""
-        if not self._missions:
-            return None
-        counts = FlownMissions.joined(self._counted)
-        if self._folder is None:
-            return replace(
-                FlownMissions.joined(self._parts),
-                perceived_counts=counts.perceived_counts,
-                true_counts=counts.true_counts,
-            )
-        import polars as pl
-
-        if self._parts:
-            self._to_file()
-        found = FlownMissions.of_columns(
-            pl.scan_parquet(self._files), (counts.perceived_counts, counts.true_counts), wall_s=self._wall_s
-        )
-        if self._removal is not None and self._removal.detach():  # now theirs who read from it
-            weakref.finalize(found.stored, shutil.rmtree, self._folder, ignore_errors=True)
-        return found
-
-    def _to_file(self) -> None:
-        before_table()
-        whole = FlownMissions.joined(self._parts).to_frame().drop("perceived_counts", "true_counts")
-        try:
-            if self._folder is None:
-                self._folder = Path(tempfile.mkdtemp(prefix="seatrial-missions-"))
-                self._removal = weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
-            path = self._folder / f"{len(self._files):06}.parquet"
-            write_atomic(path, partial(whole.write_parquet, compression="lz4", statistics=False))
-        except OSError as error:
-            raise SeatrialError(
-                f"{self._folder or tempfile.gettempdir()}: the missions cannot be written there"
-                f" ({reason(error)}); set TMPDIR to a folder with 0.5 GB per million missions"
-            ) from None
-        self._files.append(path)
-        self._parts, self._waiting = [], 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,11 +156,10 @@ class CampaignFlights:
         perceived, true = np.zeros((2, len(drawn), len(error_edges()) + 1))
         for index in np.unique(drawn.mission).tolist():
             rows = np.flatnonzero(drawn.mission == index)
-            found, samples = metrics_for_requirements(
-                self._cases(drawn.take(rows), index).fly(threads=threads)
-            )
+            flown = self._cases(drawn.take(rows), index).fly(threads=threads)
+            own, samples = metrics_for_requirements(flown)
             perceived[rows], true[rows] = (counts[: len(rows)] for counts in samples)
-            for name, values in found.items():
+            for name, values in own.items():
                 if name not in metrics:
                     words = values.dtype.kind == "U"
                     metrics[name] = np.empty(len(drawn), dtype=WORDS if words else values.dtype)
@@ -278,11 +203,9 @@ class CampaignFlights:
     @cached_property
     def digest(self) -> str:
         """Hash of everything that a flight depends on."""
-        asked = self.table.model_dump(
-            mode="json", exclude={"runs", "requirements", "confidence", "keep_worst", "cases"}
-        )
-        around = self._ready[0].circumstances
-        fitted = self.fitted
+        judging = {"runs", "requirements", "confidence", "keep_worst", "cases"}
+        asked = self.table.model_dump(mode="json", exclude=judging)
+        around, fitted = self._ready[0].circumstances, self.fitted
         what = [
             metadata.version("seatrial"),
             [*KNOWN, *KEPT, *self.draws([0]).causes],
@@ -420,15 +343,16 @@ def fly_series(flights: CampaignFlights, runs: int, flyer: Flyer, *, autopilot: 
     clock, store, records = Clock(), MissionStore(), list[Mapping[str, Any]]()
     fresh, flown_s, wall_s = 0, 0.0, 0.0
     shared, interrupted = Shared(flights), False
+    starts = range(0, runs, MISSION_SETTINGS.chunk)
     chunks = (
         Chunk(
-            f"{autopilot}, missions {start} to {min(start + MISSION_SETTINGS.chunk, runs) - 1}",
+            f"{autopilot}, missions {start} to {stop - 1}",
             flights.digest,
             fly_missions,
             shared,
-            (start, min(start + MISSION_SETTINGS.chunk, runs), flyer.threads),
+            (start, stop, flyer.threads),
         )
-        for start in range(0, runs, MISSION_SETTINGS.chunk)
+        for start, stop in zip(starts, [*starts[1:], runs], strict=True)
     )
     try:
         for done in run_chunks(chunks, flyer.run, _FORMAT, fleet=flyer.fleet):
@@ -439,19 +363,10 @@ def fly_series(flights: CampaignFlights, runs: int, flyer: Flyer, *, autopilot: 
             fresh += 0 if done.kept else len(done.value)
             flown_s, wall_s = flown_s + done.value.flown_s, wall_s + took
             if flyer.progress is not None:
-                detail = (
-                    f"{stop} of {runs} missions flown, {flown_s / max(wall_s, 1e-9):,.0f} times real time"
-                )
+                factor, left_s = flown_s / max(wall_s, 1e-9), clock.left_s(fresh, runs - stop)
+                detail = f"{stop} of {runs} missions flown, {factor:,.0f} times real time"
                 flyer.progress(
-                    Progress(
-                        what=autopilot,
-                        done=stop,
-                        total=runs,
-                        fraction=stop / runs,
-                        elapsed_s=clock.elapsed_s,
-                        left_s=clock.left_s(fresh, runs - stop),
-                        detail=detail,
-                    )
+                    Progress(autopilot, stop, runs, stop / runs, clock.elapsed_s, left_s, detail=detail)
                 )
     except KeyboardInterrupt:
         interrupted = True

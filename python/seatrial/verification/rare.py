@@ -27,7 +27,7 @@ from seatrial.base.run import RunDirectory, RunResult, sha256, to_json
 from seatrial.base.work import HERE, Clock, Work
 from seatrial.statistics.draws import generator
 from seatrial.statistics.subset_simulation import Population, RareEvent, importance, population, rare_event
-from seatrial.verification.chosen_missions import MissionSpace, watched
+from seatrial.verification.chosen_missions import MissionSpace, searched
 from seatrial.verification.judgement import robustness, unusable
 from seatrial.verification.requirement import named
 
@@ -57,7 +57,7 @@ class RareSettings:
     batch: int = 512
 
 
-RARE_SETTINGS = RareSettings()
+SETTINGS = RareSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,9 +172,9 @@ class Rare:
     """
 
     requirements: Sequence[str] = ()
-    population: int = RARE_SETTINGS.population
-    populations: int = RARE_SETTINGS.populations
-    checked: int = RARE_SETTINGS.checked
+    population: int = SETTINGS.population
+    populations: int = SETTINGS.populations
+    checked: int = SETTINGS.checked
 
     def __post_init__(self) -> None:
         if self.population < 100 or self.population % 10:
@@ -190,28 +190,16 @@ class Rare:
         `scenario`: what is flown. `work`: threads, folder of the results and progress.
         """
         chosen = scenario.chosen(self.requirements)
-        clock, judged, interrupted = Clock(), [], False
-        threads = threads_of(work.threads, work.executor)
+        clock, threads = Clock(), threads_of(work.threads, work.executor)
+        options = {name: getattr(self, name) for name in ("population", "populations", "checked")}
         with RunDirectory(work.run_dir, _KIND, resume=work.resume) as run, fleet_of(work.executor) as fleet:
-            try:
-                for place, requirement in enumerate(chosen):
-                    search = _Search(scenario, requirement, self, run, threads, fleet)
-                    watch = watched(work.progress, clock, requirement.name, place, len(chosen))
-                    judged.append(search.run(watch))
-            except KeyboardInterrupt:
-                interrupted = True
-            sizes = ("population", "populations", "checked")
-            result = RareFailures(
-                scenario=scenario,
-                requirements=tuple(judged),
-                interrupted=interrupted,
-                facts=scenario.facts(
-                    _KIND,
-                    clock=clock,
-                    options={name: getattr(self, name) for name in sizes},
-                    interrupted=interrupted,
-                ),
+            judged, interrupted = searched(
+                chosen,
+                lambda asked, watch: _Search(scenario, asked, self, run, threads, fleet).run(watch),
+                work.progress,
             )
+            facts = scenario.facts(_KIND, clock=clock, options=options, interrupted=interrupted)
+            result = RareFailures(scenario, judged, interrupted, facts)
             if work.run_dir is not None and not interrupted:
                 run.publish(result.facts, result.files())
         return result
@@ -230,7 +218,7 @@ class _Search:
 
     def run(self, watch: Callable[[float, str], None]) -> RareRequirement:
         flights, space = self.scenario.flights, MissionSpace(self.scenario.flights)
-        first = flights.fly(np.arange(min(self.asked.population, RARE_SETTINGS.batch)), threads=self.threads)
+        first = flights.fly(np.arange(min(self.asked.population, SETTINGS.batch)), threads=self.threads)
         if why := unusable(self.requirement, robustness(self.requirement, first, flights)):
             return RareRequirement(self.requirement, None, why)
 
@@ -242,7 +230,7 @@ class _Search:
         seeds = np.concatenate([part.seeds for part in parts])
         check = None
         if self.asked.checked and len(samples):
-            own = generator(flights.seed, self.asked.populations, cause=RARE_SETTINGS.stream)
+            own = generator(flights.seed, self.asked.populations, cause=SETTINGS.stream)
             check = importance(level, samples, self.asked.checked, own, possible=space.possible)
         confidence = flights.table.confidence
         event = rare_event(tuple(parts), check, confidence=confidence)
@@ -256,20 +244,15 @@ class _Search:
         nearest_one = int((samples**2).sum(axis=1).argmin())
         drawn_case = space.draws(samples[[nearest_one]], seeds[[nearest_one]])
         failing = space.draws(samples, seeds).causes
-        drawn = generator(flights.seed, self.asked.populations + 1, cause=RARE_SETTINGS.stream)
+        drawn = generator(flights.seed, self.asked.populations + 1, cause=SETTINGS.stream)
         usual = space.draws(
-            drawn.standard_normal((2 * RARE_SETTINGS.batch, space.dimensions)),
-            drawn.random(2 * RARE_SETTINGS.batch),
+            drawn.standard_normal((2 * SETTINGS.batch, space.dimensions)), drawn.random(2 * SETTINGS.batch)
         )
-        common = {
-            name: (
-                float(values.mean()),
-                float(usual.causes[name].mean()),
-                float((values.mean() - usual.causes[name].mean()) / usual.causes[name].std()),
-            )
-            for name, values in failing.items()
-            if usual.causes[name].std() > 0.0
-        }
+        common = {}
+        for name, column in failing.items():
+            mean, middle, sd = column.mean(), usual.causes[name].mean(), usual.causes[name].std()
+            if sd > 0.0:
+                common[name] = float(mean), float(middle), float((mean - middle) / sd)
         return RareRequirement(
             self.requirement,
             event,
@@ -329,7 +312,7 @@ def rare_population(
         lambda x, seeds: space.robustness(requirement, x, seeds, threads=threads),
         space.dimensions,
         size,
-        generator(flights.seed, number, cause=RARE_SETTINGS.stream),
+        generator(flights.seed, number, cause=SETTINGS.stream),
         possible=space.possible,
         watch=passed,
     )

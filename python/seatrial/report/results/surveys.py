@@ -17,7 +17,8 @@ from seatrial.report.results.flight_findings import doubting
 from seatrial.statistics.proportions import share
 from seatrial.verification.boundary import FailureBoundary, RequirementBoundary
 from seatrial.verification.falsify import Falsification, FalsifiedRequirement
-from seatrial.verification.rare import RARE_SETTINGS, RareFailures, RareRequirement
+from seatrial.verification.rare import SETTINGS as RARE_SETTINGS
+from seatrial.verification.rare import RareFailures, RareRequirement
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from seatrial.flight.mission import Mission
     from seatrial.identification.fitted import Fitted
     from seatrial.problem.problem import Problem
-    from seatrial.verification.mission_log.log import Envelope, LoggedStep, MissionLog
+    from seatrial.verification.mission_log.log import LoggedStep, MissionLog
     from seatrial.verification.mission_log.suspects import Suspect
     from seatrial.verification.mission_log.validity import Contradiction
 
