@@ -14,7 +14,7 @@ from seatrial.identification.fitted import Fitted
 from seatrial.verification.mission_log.judge_log import LogSettings, judge_model, verify_log
 from seatrial.verification.mission_log.log import offsets_of
 from seatrial.verification.mission_log.power import (
-    POWER_SETTINGS,
+    SETTINGS,
     CoefficientGroup,
     Power,
     Shown,
@@ -117,7 +117,7 @@ def test_damping_of_a_slow_mode_shows_in_whole_windows() -> None:
     values = st.Vehicle.load("cwolf").coefficients()
     state, _, weaker = judged("cwolf", {name: 0.25 * values[name] for name in damping.names}, SEED)
     assert state == "re-identify"
-    assert weaker.grown["pitch"] > POWER_SETTINGS.grown
+    assert weaker.grown["pitch"] > SETTINGS.grown
     assert damping in [test.group for test in weaker.refuted]
 
 
@@ -167,11 +167,7 @@ def test_data_of_the_power_state_factors_for_every_channel_and_group() -> None:
     assert drag["coefficients"] == ["X_u", "X_uu"]
     assert set(drag["shown"]) == set(data["left"])
     assert (
-        1.0 / POWER_SETTINGS.shown
-        <= drag["shown"]["u"]["down"]
-        < 1.0
-        < drag["shown"]["u"]["up"]
-        <= POWER_SETTINGS.shown
+        1.0 / SETTINGS.shown <= drag["shown"]["u"]["down"] < 1.0 < drag["shown"]["u"]["up"] <= SETTINGS.shown
     )
 
 

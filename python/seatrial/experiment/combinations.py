@@ -45,8 +45,6 @@ class CombinationSettings:
 
 
 SETTINGS = CombinationSettings()
-
-
 _DIGITS = {"rpm": 1, "us": 1, "N": 2}
 
 

@@ -70,8 +70,6 @@ class DitherSettings:
 
 
 SETTINGS = DitherSettings()
-
-
 _STATES = (*VELOCITIES, "roll", "pitch")
 _BEGIN, _TAPS = (1, 0, 0, 1, 1, 0, 1, 0, 1), (9, 5)  # of the shift register: a sequence of 511 levels
 

@@ -212,7 +212,6 @@ def _initial_sd(instruments: Instruments) -> dict[str, float]:
 
 
 _HULL = re.compile(r"[XYZKMN]_(?:[uvwpqr]{1,2}|[uvwpqr]dot)$|C_D[yz]$")
-
 _RESTORING = ("B", "z_b")
 
 

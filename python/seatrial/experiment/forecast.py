@@ -134,19 +134,7 @@ def forecast(
     limits: Limits | None = None,
     voltage_v: float = NOMINAL_V,
 ) -> Forecast:
-    """Forecast of a manoeuvre for a vehicle and its `uneven` other.
-
-    Examples
-    --------
-    >>> import seatrial as st
-    >>> from seatrial.experiment.combinations import Thrusters
-    >>> from seatrial.experiment.manoeuvre import staircase
-    >>> vehicle = st.Vehicle.load("cwolf")
-    >>> thrusters = Thrusters(vehicle)
-    >>> ahead = staircase(thrusters, thrusters.combinations_of("X")[0], duration_s=60.0, both=False)
-    >>> print(forecast(ahead, vehicle, uneven(vehicle), limits=Limits(area_m=(50.0, 20.0))).excess)
-    it needs 99 m x 19 m
-    """
+    """Forecast of a manoeuvre for a vehicle and its `uneven` other."""
     limits = limits or Limits()
     try:
         runs = [
@@ -236,16 +224,7 @@ class Proposal:
 def proposals(
     vehicle: Vehicle, *, duration_s: float, limits: Limits | None = None, voltage_v: float = NOMINAL_V
 ) -> tuple[list[Proposal], dict[str, str]]:
-    """Manoeuvres up to this duration that fit into the limits, and why the others do not, by name.
-
-    Examples
-    --------
-    >>> import seatrial as st
-    >>> found, refused = proposals(
-    ...     st.Vehicle.load("cwolf"), duration_s=60.0, limits=Limits(depth_m=10.0, area_m=(30.0, 30.0)))
-    >>> max(proposal.forecast.deepest_m for proposal in found) <= 10.0
-    True
-    """
+    """Manoeuvres up to this duration that fit into the limits, and why the others do not, by name."""
     limits = limits or Limits()
     thrusters, other = Thrusters(vehicle, voltage_v=voltage_v), uneven(vehicle)
     accepted: list[Proposal] = []

@@ -144,8 +144,6 @@ class RunSettings:
 
 
 SETTINGS = RunSettings()
-
-
 Kind = Literal["staircase", "coast-down", "zigzag", "spiral", "dive", "free decay", "multisine", "commands"]
 
 

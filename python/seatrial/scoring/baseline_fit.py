@@ -60,8 +60,6 @@ class BaselineSettings:
 
 
 SETTINGS = BaselineSettings()
-
-
 _Filtered = dict[tuple[str, float, int], Array]
 """Signals behind a lag, by name, lag and trial: every axis tries the same ones."""
 

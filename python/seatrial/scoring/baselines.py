@@ -254,7 +254,6 @@ class Driven:
 
 
 ANGLES = ("roll", "pitch")
-
 FORCES = ("force X", "force Y", "force Z", "moment K", "moment M", "moment N")
 
 

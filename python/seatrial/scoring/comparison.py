@@ -330,6 +330,10 @@ def window_sums(score: Score, channel: str) -> Array:
 def ratio(y: Array, x: Array, trial: NDArray[np.str_], *, alpha: float) -> tuple[float, Interval | None]:
     """Ratio of the sums of y and x (n,) and its interval of confidence 1 - alpha, None below six windows.
 
+    So is the difference of R2: ``sum_k (SSE_A,k - SSE_B,k) / sum_k SST_k`` over the windows, all samples
+    alike; a few bad windows decide it. The variance of ``D = sum y_k / sum x_k`` is that of its linear
+    residuals ``e_k = y_k - D x_k`` (Cochran, *Sampling Techniques*, 1977, section 6.4).
+
     Sums are per window, in the order of time within a trial; x is positive in total. `trial` (n,) names the
     trial of each window: only windows of one trial are neighbours.
     """
@@ -349,7 +353,10 @@ def log_errors(a: Array, b: Array) -> Array:
 
 
 def typical(logs: Array, trial: NDArray[np.str_], *, alpha: float) -> tuple[float, Interval | None]:
-    """Factor between the errors in a typical window from its logarithms (n,); interval as for `ratio`."""
+    """Factor between the errors in a typical window from its logarithms (n,); interval as for `ratio`.
+
+    ``exp(mean_k ln(MAE_B,k / MAE_A,k))``, all windows alike: a few bad ones do not decide it.
+    """
     value = float(logs.mean()) if len(logs) else math.nan
     reach = _reach(logs - value, trial, alpha)
     interval = (math.exp(value - reach), math.exp(value + reach)) if math.isfinite(reach) else None
@@ -357,7 +364,11 @@ def typical(logs: Array, trial: NDArray[np.str_], *, alpha: float) -> tuple[floa
 
 
 def _reach(left: Array, trial: NDArray[np.str_], alpha: float) -> float:
-    """Half an interval of the mean of which these are the residuals (n,), infinite below six windows."""
+    """Half an interval of the mean of which these are the residuals (n,), infinite below six windows.
+
+    Student's t with one degree of freedom less than there are windows, the variance widened by ``(1 + r) /
+    (1 - r)`` where neighbouring windows of a trial resemble one another with a correlation r > 0.
+    """
     from scipy.stats import t
 
     n = len(left)

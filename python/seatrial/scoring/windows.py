@@ -1,5 +1,8 @@
 """Windows: parts of a trial that a model is simulated in from the measured state, and its errors there.
 
+What no model of the vehicle can predict of them is the noise of the sensors and the motion by waves
+(`ceiling`, ``tests/scoring/test_noise_limit.py``).
+
 A window starts at the smoothed measured state; its first sample and masked ones do not count. Angles are
 compared along the shorter way round. The step is halved until the simulated velocities no longer change: an
 error is the model's, not the step's. Held by ``tests/scoring/test_score.py``.
@@ -263,7 +266,6 @@ def score_text(value: float) -> str:
 _TIMES = ("t", "time", "timestamp")
 _TRIAL = "trial"
 _BRACKETS = re.compile(r"\s*(.*?)\s*[\[(]([^\])]*)[\])]\s*$")
-
 Samples = Mapping[str, tuple[Array, Array]]
 """Stamps in s (m,) and values in SI (m,) by channel."""
 
@@ -477,7 +479,11 @@ def judging(channel: str, judged: Sequence[Window], limits: Mapping[str, Unpredi
 def ceiling(
     judged: Sequence[Window], channels: Iterable[str], limits: Mapping[str, Unpredictable]
 ) -> dict[str, float]:
-    """R2 at most by velocity channel on the windows of a score, at least zero.
+    """R2 that a perfect model of the vehicle, which knows no waves, could reach at most, at least zero.
+
+    ``1 - sum (sigma_noise^2 + sigma_wave^2) / SST`` by velocity channel, summed over the samples that count,
+    each with the variances of its trial. Coloured noise, and that of a rate that was differentiated from
+    angles, are underestimated: the figure is an upper limit.
 
     `limits` go by the name of the trial; a channel is left out where a trial has none.
     """
@@ -499,7 +505,11 @@ def ceiling(
 def bands(
     judged: Sequence[Window], channels: Iterable[str], limits: Mapping[str, Unpredictable]
 ) -> dict[str, Band]:
-    """R2 by velocity channel below wave frequencies and from there on, where the channel shows the waves."""
+    """R2 by velocity channel below wave frequencies and from there on, where the channel shows the waves.
+
+    The cosine transform (DCT-II, orthonormal) of a window's errors and of its measured deviations parts both
+    sums of squares exactly.
+    """
     from scipy.fft import dct
 
     wavy = {name: limit for name, limit in limits.items() if limit.period_s is not None}
@@ -529,7 +539,10 @@ def bands(
 
 
 def _noise(trial: Trial, channel: str) -> float:
-    """Variance of the white noise in the samples of a velocity on the time base, SI."""
+    """Variance of the white noise in the samples of a velocity on the time base, SI.
+
+    It is looked for in the samples of the sensor itself; the straight line between two of them has less.
+    """
     good = trial.valid[:, CHANNELS.index(channel)]
     # Where a sensor's own samples are not known the time base is taken for its stamps.
     stamps, own = trial.samples.get(channel, (trial.t[good], trial.channel(channel)[good]))
@@ -542,7 +555,12 @@ def _noise(trial: Trial, channel: str) -> float:
 
 
 def _white(y: Array) -> float:
-    """Variance of white noise in samples (n,) of a smooth motion."""
+    """Variance of white noise in samples (n,) of a smooth motion.
+
+    Differences of order k have ``binomial(2 k, k)`` times the variance of white noise, and next to nothing of
+    the motion (von Neumann et al., *Ann. Math. Stat.* 12 (1941) 153, for the first difference). Steps of the
+    motion do not move the median; the order that gives least is taken.
+    """
     # Neighbours over a gap are no neighbours, but few beside the others: the median does not see them.
     variances = [
         float(np.median(np.abs(np.diff(y, order)))) ** 2 / math.comb(2 * order, order)

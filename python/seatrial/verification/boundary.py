@@ -66,10 +66,8 @@ _OF_CURRENT = {
 class BoundarySettings:
     """How the missions of a failure boundary are shared out over the places."""
 
-    #: Missions at a place at least: fewer tell no failure probability.
-    least_runs: int = 16
-    #: Places beyond which more missions are flown at each instead.
-    most_places: int = 125
+    least_runs: int = 16  #: Missions at a place at least: fewer tell no failure probability.
+    most_places: int = 125  #: Places beyond which more missions are flown at each instead.
     #: Places that are chosen, and flown side by side, before the surface is fitted anew.
     places_per_round: int = 8
 

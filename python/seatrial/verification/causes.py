@@ -67,14 +67,7 @@ class Groups:
 
 
 def grouped(values: NDArray[Any], failed: NDArray[np.bool_], *, kind: str) -> Groups:
-    """Groups of k missions by finite numbers, directions in rad within 0 to 2 pi, or words.
-
-    Examples
-    --------
-    >>> found = grouped(np.arange(10.0), np.arange(10) > 7, kind="number")
-    >>> found.labels, found.rates
-    (('0 to 1.8', '1.8 to 3.6', '3.6 to 5.4', '5.4 to 7.2', '7.2 to 9'), (0.0, 0.0, 0.0, 0.0, 1.0))
-    """
+    """Groups of k missions by finite numbers, directions in rad within 0 to 2 pi, or words."""
     edges: NDArray[Any] = np.empty(0)
     if kind == "category":
         names, place = np.unique(values, return_inverse=True)
@@ -93,9 +86,8 @@ def grouped(values: NDArray[Any], failed: NDArray[np.bool_], *, kind: str) -> Gr
         digits = max(0, 2 - math.floor(math.log10(edges[-1] - edges[0])))
         shown = [f"{round(float(edge), digits) + 0.0:.4g}" for edge in edges]
         labels = [f"{low} to {high}" for low, high in pairwise(shown)]
-    runs = np.bincount(place, minlength=len(labels))
-    lost = np.bincount(place[failed], minlength=len(labels))
-    return Groups(tuple(labels), tuple(map(int, runs)), tuple(map(int, lost)), tuple(map(float, edges)))
+    runs, lost = (np.bincount(of, minlength=len(labels)).tolist() for of in (place, place[failed]))
+    return Groups(tuple(labels), tuple(runs), tuple(lost), tuple(map(float, edges)))
 
 
 def _apart(values: NDArray[Any], failed: NDArray[np.bool_], *, least: float, most: float) -> Groups:
@@ -103,16 +95,12 @@ def _apart(values: NDArray[Any], failed: NDArray[np.bool_], *, least: float, mos
     usual = least if np.sum(values == least) >= np.sum(values == most) else most
     same = values == usual
     labels = (f"{usual:.3g}", f"above {usual:.3g}" if usual == least else f"below {usual:.3g}")
-    parts = (same, ~same)
-    return Groups(
-        labels, tuple(int(part.sum()) for part in parts), tuple(int(failed[part].sum()) for part in parts)
-    )
+    runs, lost = (tuple(int(of[part].sum()) for part in (same, ~same)) for of in (np.ones(len(same)), failed))
+    return Groups(labels, runs, lost)
 
 
 Kind = Literal["number", "direction", "category"]
-
 Where = Literal["", "both ends", "middle"]
-
 MET = "yes"
 """Category of what was met, where there is nothing but to be met or not."""
 
@@ -120,7 +108,6 @@ FEW = 5
 """Failed, or held, missions below which the robustness is asked instead."""
 
 _FROM_NORTH = "deg from north"
-
 _UNITS = (_FROM_NORTH, "m/s", "m", "s", "deg", "sigmas")
 
 
@@ -128,17 +115,9 @@ _UNITS = (_FROM_NORTH, "m/s", "m", "s", "deg", "sigmas")
 class Cause:
     """A random input of k missions.
 
-    Parameters
-    ----------
-    name : str
-        As a report calls it, such as "current speed" or "X_uu".
-    values : array_like, shape (k,)
-        Numbers; directions in rad, from north clockwise; or words of a category.
-    unit : str
-        Of the numbers, for the report.
-    kind : {"number", "direction", "category"}
-    usual : str
-        Of a category: the value that is no cause, such as "none".
+    `name`: as a report calls it, such as "current speed" or "X_uu". `values` (k,): numbers; directions in
+    rad, from north clockwise; or words of a category. `unit`: of the numbers, for the report. `usual`: of a
+    category: the value that is no cause, such as "none".
     """
 
     name: str
@@ -259,44 +238,25 @@ def find_causes_of_all(
     `judgements`: of each requirement, (k,) each. `causes`: asked for one by one, so that memory holds no more
     than one. `level`: chance to name any cause of any requirement where there is none. Raises ValueError: a
     cause has another number of missions.
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(1)
-    >>> off, drag = rng.normal(0.0, 10.0, 400), rng.normal(-40.0, 4.0, 400)
-    >>> reserve = 15.0 - np.abs(off)
-    >>> causes = [Cause("X_uu", drag, "kg/m"), Cause("start heading off", off, "deg")]
-    >>> path, calm = find_causes_of_all(
-    ...     [(reserve > 0.0, reserve), (drag < 0.0, rng.normal(size=400))], causes=causes
-    ... )
-    >>> path[0].label, [one.named for one in calm]
-    ('start heading off: both ends', [False, False])
     """
     asked = [
         (np.asarray(held, dtype=bool), np.asarray(reserve, dtype=np.float64)) for held, reserve in judgements
     ]
-    found: list[list[Influence]] = [[] for _ in asked]
+    tested: list[list[Influence]] = [[] for _ in asked]
     for cause in causes:
-        for rows, (held, reserve) in zip(found, asked, strict=True):
-            rows += _of_one(cause, held, reserve)
-    corrected = holm([one.p_value for rows in found for one in rows])
-    ends = np.cumsum([len(rows) for rows in found]).tolist()
-    return tuple(
-        _judged(rows, corrected[end - len(rows) : end], level) for rows, end in zip(found, ends, strict=True)
-    )
-
-
-def _of_one(cause: Cause, held: NDArray[np.bool_], reserve: NDArray[np.float64]) -> list[Influence]:
-    if (shape := np.shape(cause.values)) != held.shape:
-        raise ValueError(f"{cause.name}: expected {len(held)} values, found shape {shape}")
-    if not enough(held) and (reserve == reserve[:1]).all():
-        return []
-    return influences(cause, held, reserve)
-
-
-def _judged(rows: Sequence[Influence], corrected: Sequence[float], level: float) -> tuple[Influence, ...]:
-    told = (replace(one, corrected=p, named=p <= level) for one, p in zip(rows, corrected, strict=True))
-    return tuple(sorted(told, key=lambda row: (not row.named, -row.strength)))
+        for rows, (held, reserve) in zip(tested, asked, strict=True):
+            if (shape := np.shape(cause.values)) != held.shape:
+                raise ValueError(f"{cause.name}: expected {len(held)} values, found shape {shape}")
+            if enough(held) or not (reserve == reserve[:1]).all():
+                rows += influences(cause, held, reserve)
+    # All of them are one family, in which Holm's step-down holds the level.
+    corrected = iter(holm([row.p_value for rows in tested for row in rows]))
+    judged = []
+    for rows in tested:
+        own = [(row, next(corrected)) for row in rows]
+        named = [replace(row, corrected=p, named=p <= level) for row, p in own]
+        judged.append(tuple(sorted(named, key=lambda row: (not row.named, -row.strength))))
+    return tuple(judged)
 
 
 def influences(cause: Cause, held: Mask, reserve: Array) -> list[Influence]:
@@ -385,21 +345,19 @@ def _categories(cause: Cause, values: NDArray[Any], held: Mask, reserve: Array) 
 
 
 def _influence(
-    cause: Cause,
-    groups: Groups,
-    mean: tuple[float, float],
-    *,
-    p: float,
-    auc: float = np.nan,
-    correlation: float = np.nan,
-    odds: float = np.nan,
-    category: str = "",
-    where: Where = "",
+    cause: Cause, groups: Groups, mean: tuple[float, float], *, p: float, **found: Any
 ) -> Influence:
+    """An influence that is not judged yet, with the means of failed and held missions."""
+    sizes: dict[str, Any] = {
+        "auc": np.nan,
+        "correlation": np.nan,
+        "odds": np.nan,
+        "category": "",
+        "where": "",
+    } | found
     return Influence(
-        name=cause.name, unit=cause.unit, kind=cause.kind, category=category, where=where, auc=auc,
-        correlation=correlation, odds=odds, p_value=p, corrected=p, named=False,
-        by_failures=bool(np.isfinite(auc)), failed=mean[0], held=mean[1], groups=groups,
+        name=cause.name, unit=cause.unit, kind=cause.kind, p_value=p, corrected=p, named=False,
+        by_failures=bool(np.isfinite(sizes["auc"])), failed=mean[0], held=mean[1], groups=groups, **sizes,
     )  # fmt: skip
 
 

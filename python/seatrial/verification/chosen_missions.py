@@ -104,7 +104,8 @@ class MissionSpace:
 
         common, faults, outages, offset, normals = np.split(x, np.cumsum(self.widths[:-1]), axis=1)
         tiny = 2.0**-54
-        uniform = [np.clip(ndtr(part), tiny, 1.0 - tiny) for part in (common, faults, outages)]
+        every, failing, silent = (np.clip(ndtr(part), tiny, 1.0 - tiny) for part in (common, faults, outages))
+        seeds = np.clip(seeds, tiny, 1.0 - tiny)
         offsets = np.zeros((len(x), len(self.flights.sensor_offsets)))
         offsets[:, self.offset] = offset
         drawn = composed(
@@ -113,9 +114,7 @@ class MissionSpace:
             self.flights.missions,
             numbers=range(len(x)),
             coefficients=self.fitted.at(normals)[0],
-            common=np.insert(uniform[0], SEED_COLUMN, np.clip(seeds, tiny, 1.0 - tiny), axis=1),
-            faults=uniform[1],
-            outages=uniform[2],
+            uniform=(np.insert(every, SEED_COLUMN, seeds, axis=1), failing, silent),
         )
         names = autopilot_names()["channels"]
         causes = {f"offset of the measured {names[c]}, sigmas": offsets[:, c] for c in self.offset}

@@ -23,7 +23,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -90,26 +90,15 @@ class Draws:
         """Cases at places (m,), in the order given; rows of faults and outages count within them."""
         chosen = np.asarray(places, dtype=np.int_)
         now = {int(old): new for new, old in enumerate(chosen)}
-        return Draws(
-            numbers=self.numbers[chosen],
-            mission=self.mission[chosen],
-            coefficients={name: column[chosen] for name, column in self.coefficients.items()},
-            current=self.current[chosen],
-            turbulence=self.turbulence[chosen],
-            waves=self.waves[chosen],
-            position=self.position[chosen],
-            attitude=self.attitude[chosen],
-            nu=self.nu[chosen],
-            faults=[(now[case], name, at, command) for case, name, at, command in self.faults if case in now],
-            outages=[
-                (now[case], group, start, stop) for case, group, start, stop in self.outages if case in now
-            ],
-            seeds=self.seeds[chosen],
-            causes={name: column[chosen] for name, column in self.causes.items()},
-            notes=self.notes,
-            doubt=self.doubt,
-            offsets=None if self.offsets is None else self.offsets[chosen],
-        )
+        parts: dict[str, Any] = {}
+        for name, value in vars(self).items():
+            if isinstance(value, np.ndarray):
+                parts[name] = value[chosen]
+            elif isinstance(value, Mapping):
+                parts[name] = {key: column[chosen] for key, column in value.items()}
+            elif isinstance(value, list):  # rows of faults and of outages begin with the case
+                parts[name] = [(now[case], *row) for case, *row in value if case in now]
+        return replace(self, **parts)
 
 
 def cause_columns(
@@ -118,13 +107,14 @@ def cause_columns(
     """What was drawn by readable names with units, (k,) each; missions are the table's, in its order."""
     begins = np.array([[one.start["north_m"], one.start["east_m"], one.start["depth_m"]] for one in missions])
     bow = np.array([one.start["heading"] for one in missions])
-    return (
-        _of_water(table, draws, bow[draws.mission])
-        | _of_start(table, draws, begins[draws.mission], bow[draws.mission])
-        | _of_failures(table, fitted, draws)
-        | _of_mission(table, draws)
-        | _of_vehicle(fitted, draws)
-    )
+    columns = _of_water(table, draws, bow[draws.mission])
+    columns |= _of_start(table, draws, begins[draws.mission], bow[draws.mission])
+    columns |= _of_failures(table, fitted, draws)
+    # Of two missions either one tells the other.
+    titles = list(enumerate(mission.title for mission in table.missions))
+    for k, title in titles[1:] if len(titles) <= 2 else titles:
+        columns[f"mission {title}"] = np.asarray(draws.mission == k, dtype=float)
+    return columns | _of_vehicle(fitted, draws)
 
 
 def _of_water(table: VerificationTable, draws: Draws, bow: Array) -> dict[str, Array]:
@@ -195,13 +185,6 @@ def _of_failures(table: VerificationTable, fitted: Fitted, draws: Draws) -> dict
     return found
 
 
-def _of_mission(table: VerificationTable, draws: Draws) -> dict[str, Array]:
-    titles = list(enumerate(one.title for one in table.missions))
-    # Of two missions either one tells the other.
-    told = titles[1:] if len(titles) <= 2 else titles
-    return {f"mission {title}": np.asarray(draws.mission == k, dtype=float) for k, title in told}
-
-
 def _of_vehicle(fitted: Fitted, draws: Draws) -> dict[str, Array]:
     sigma, centre = fitted.sigma, fitted.nominal
     found: dict[str, Array] = {}
@@ -219,21 +202,9 @@ def _of_vehicle(fitted: Fitted, draws: Draws) -> dict[str, Array]:
 _COMMON, _FAULTS, _OUTAGES = 2, 3, 4  # streams; 1 is that of the coefficients
 
 _ORDER = (
-    "mission",
-    "seed",
-    "speed",
-    "direction",
-    "vertical",
-    "turbulence",
-    "north",
-    "east",
-    "depth",
-    "heading",
-    "ahead",
-    "wave height",
-    "wave period",
-    "wave direction",
-)  # columns of the common stream; more go behind
+    "mission", "seed", "speed", "direction", "vertical", "turbulence", "north", "east", "depth", "heading",
+    "ahead", "wave height", "wave period", "wave direction",
+)  # fmt: skip # columns of the common stream; more go behind
 
 _SEEDS = 2.0**53  # whole numbers that a float holds
 
@@ -249,28 +220,18 @@ def draw_missions(
     seed: int,
     numbers: int | ArrayLike | None = None,
 ) -> Draws:
-    r"""Draws of a verification, SI and rad.
+    """Draws of a verification, SI and rad.
 
     `fitted`: the vehicle that flies, and how well it is known. `missions`: those of the table, in its order.
     `seed`: of the campaign. `numbers`: how many cases, or their numbers; the table's runs when omitted.
     Raises CampaignError where a name of a coefficient is unknown, no drawn vehicle is possible, or the
     missions are not the table's. Raises SimulationError where an actuator, group or sensor is unknown, a
     command is beyond its range, or the seed is none.
-
-    Examples
-    --------
-    >>> import seatrial as st
-    >>> from seatrial.cli.new import EXAMPLES
-    >>> from seatrial.verification.table import parse_verification
-    >>> table = parse_verification('[verification]\nmissions = ["farm.toml"]', "campaign.toml")
-    >>> farm = st.Mission.load(EXAMPLES / "missions" / "farm.toml")
-    >>> fitted = Fitted.of("cwolf", percent={"X_uu": 10.0})
-    >>> draws = draw_missions(table, fitted, [farm], seed=1, numbers=100)
-    >>> again = draw_missions(table, fitted, [farm], seed=1, numbers=[41])
-    >>> bool((again.current[0] == draws.current[41]).all()), list(draws.causes)[0]
-    (True, 'current speed, m/s')
     """
-    missions_of_the_table(table, missions)
+    if len(missions) != len(table.missions):
+        raise CampaignError(
+            f"missions: expected the {len(table.missions)} of the table [verification], found {len(missions)}"
+        )
     seed = checked_seed(seed)
     which = checked_numbers(table.runs if numbers is None else numbers)
     fitted = scattered(table, fitted)
@@ -281,23 +242,14 @@ def draw_missions(
         missions,
         numbers=which,
         coefficients=drawn.coefficients,
-        common=uniforms(seed, which, cause=_COMMON, width=len(_ORDER)),
-        faults=uniforms(seed, which, cause=_FAULTS, width=FAULT_WIDTH * len(table.faults)),
-        outages=uniforms(seed, which, cause=_OUTAGES, width=OUTAGE_WIDTH * len(table.outages)),
+        uniform=(
+            uniforms(seed, which, cause=_COMMON, width=len(_ORDER)),
+            uniforms(seed, which, cause=_FAULTS, width=FAULT_WIDTH * len(table.faults)),
+            uniforms(seed, which, cause=_OUTAGES, width=OUTAGE_WIDTH * len(table.outages)),
+        ),
         notes=tuple(note for note in (*fitted.notes, drawn.sentence()) if note),
         doubt=drawn.doubt(),
     )
-
-
-def missions_of_the_table(table: VerificationTable, missions: Sequence[Mission]) -> None:
-    """Refuse missions that are not those of a table.
-
-    Raises CampaignError where they are more or fewer.
-    """
-    if len(missions) != len(table.missions):
-        raise CampaignError(
-            f"missions: expected the {len(table.missions)} of the table [verification], found {len(missions)}"
-        )
 
 
 def scattered(table: VerificationTable, fitted: Fitted) -> Fitted:
@@ -320,18 +272,17 @@ def composed(
     *,
     numbers: Sequence[int],
     coefficients: Mapping[str, Array],
-    common: Array,
-    faults: Array,
-    outages: Array,
+    uniform: tuple[Array, Array, Array],
     notes: tuple[str, ...] = (),
     doubt: str = "",
 ) -> Draws:
     """Cases from their random numbers.
 
     `fitted`: as `scattered` gives it. `numbers`: of the cases (k). `coefficients`: of the vehicles, SI.
-    `common`, `faults`, `outages`: uniform numbers: `COMMON_WIDTH`, and `FAULT_WIDTH` and `OUTAGE_WIDTH` of
-    each entry. `notes`, `doubt`: as of `Draws`.
+    `uniform`: numbers from 0 to 1 of what every case has (`COMMON_WIDTH`), of the faults and of the outages
+    (`FAULT_WIDTH` and `OUTAGE_WIDTH` of each entry). `notes`, `doubt`: as of `Draws`.
     """
+    common, faults, outages = uniform
     u = {name: common[:, k] for k, name in enumerate(_ORDER)}
     mission = _mission(table, u["mission"])
     current, turbulence = _water(table, missions, u)
@@ -431,9 +382,7 @@ def _scatter(sd: float, u: Array) -> Array:
 
 
 FaultRow = tuple[int, str, float, float]
-
 OutageRow = tuple[int, int, float, float]
-
 FAULT_WIDTH = OUTAGE_WIDTH = 4
 """Random numbers of an entry and case: whether, which or how long, when, and one to spare."""
 

@@ -27,18 +27,14 @@ _EXAMPLE = "cross_track_p95_m <= 1.0"
 class ExpressionSettings:
     """What an expression may be, and which names a message offers."""
 
-    #: Names that a message offers at most.
-    most_offered: int = 3
+    most_offered: int = 3  #: Names that a message offers at most.
     #: How much less alike than the nearest name another one may be that is offered.
     likeness_margin: float = 0.03
-    #: Characters of an expression at most.
-    longest: int = 500
-    #: Parts within parts at most: far from Python's own limit of recursion.
-    deepest: int = 40
+    longest: int = 500  #: Characters of an expression at most.
+    deepest: int = 40  #: Parts within parts at most: far from Python's own limit of recursion.
 
 
 SETTINGS = ExpressionSettings()
-
 
 _INSTEAD: tuple[tuple[str, str], ...] = (
     (r"&&", "and"),
@@ -56,13 +52,7 @@ _INSTEAD: tuple[tuple[str, str], ...] = (
 
 
 def unreadable(text: str, error: Exception) -> str:
-    r"""Sentence on an expression that Python's parser does not take.
-
-    Examples
-    --------
-    >>> unreadable("duration_s < = 60", SyntaxError())
-    '\'duration_s < = 60\' cannot be read; write "<=" in place of "< ="'
-    """
+    """Sentence on an expression that Python's parser does not take."""
     bare = text.strip()
     if not bare:
         return f'expected an expression such as "{_EXAMPLE}", found nothing'
@@ -79,11 +69,6 @@ def unknown_metric(name: str, metrics: Iterable[str], words: Mapping[str, Iterab
     """Sentence on a name that is no metric: the nearest ones, or all where none is near.
 
     `words`: what metrics that are words may say, by metric.
-
-    Examples
-    --------
-    >>> unknown_metric("complete", ["ending"], {"ending": ["complete"]})
-    '"complete" is no metric of a mission; write the word in quotes, ending == "complete"'
     """
     known = list(metrics)
     said = f'"{name}" is no metric of a mission'
@@ -141,7 +126,6 @@ class Metric:
 
 
 _ENDINGS = ("complete", "surfaced", "aborted", "out of time", "diverged")
-
 _ERRORS = ("rms", "largest", "p50", "p95", "p99")
 
 _NUMBERS = (
@@ -174,9 +158,7 @@ CALLS: Mapping[str, tuple[int, int | None]] = {
 
 
 _NOUN = {"number": "number", "word": "word", "truth": "truth value"}
-
 _ORDERS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
-
 _SUMS = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow)
 
 _HINTS = {

@@ -39,18 +39,12 @@ if TYPE_CHECKING:
 class FalsifySettings:
     """Where and how long the worst mission is searched."""
 
-    #: Standard deviations of every draw within which is searched.
-    within: float = 3.0
-    #: Missions in all.
-    missions: int = 2000
-    #: Missions of a generation of CMA-ES: four times the core's eight lanes.
-    generation: int = 32
-    #: Generations beyond the first failure, to find what is really bad.
-    generations_after: int = 10
-    #: Seed of noise and gusts, from 0 to 1.
-    seed: float = 0.5
-    #: Largest difference of a value that is back in the middle of its range.
-    rounding: float = 1e-9
+    within: float = 3.0  #: Standard deviations of every draw within which is searched.
+    missions: int = 2000  #: Missions in all.
+    generation: int = 32  #: Missions of a generation of CMA-ES: four times the core's eight lanes.
+    generations_after: int = 10  #: Generations beyond the first failure, to find what is really bad.
+    seed: float = 0.5  #: Seed of noise and gusts, from 0 to 1.
+    rounding: float = 1e-9  #: Largest difference of a value that is back in the middle of its range.
 
 
 SETTINGS = FalsifySettings()

@@ -38,12 +38,10 @@ if TYPE_CHECKING:
     from seatrial._core import Flights
 
 Values = NDArray[Any]
-
 KEPT = ("numbers", "mission", "seeds", "perceived_counts", "true_counts")
 """Arrays that are kept between runs, besides metrics and causes."""
 
 _METRIC, _CAUSE = "metric ", "cause "
-
 WORDS = "U24"
 """Type of a column of words, as of endings."""
 
@@ -114,27 +112,26 @@ class FlownMissions:
 
     def first(self, count: int) -> FlownMissions:
         """The first of them."""
+        kept: dict[str, Any] = {name: getattr(self, name)[:count] for name in KEPT}
         return FlownMissions(
-            self.numbers[:count],
-            self.mission[:count],
-            self.seeds[:count],
-            {name: column[:count] for name, column in self.metrics.items()},
-            {name: column[:count] for name, column in self.causes.items()},
-            self.perceived_counts[:count],
-            self.true_counts[:count],
-            self.wall_s * min(count, len(self)) / max(len(self), 1),
+            **kept,
+            metrics={name: column[:count] for name, column in self.metrics.items()},
+            causes={name: column[:count] for name, column in self.causes.items()},
+            wall_s=self.wall_s * min(count, len(self)) / max(len(self), 1),
         )
 
     def rows(self, places: Sequence[int]) -> list[tuple[dict[str, Any], dict[str, float]]]:
         """Metrics, and what was drawn, at some places (rows, not numbers), by name."""
-        found: list[tuple[dict[str, Any], dict[str, float]]] = [({}, {}) for _ in places]
-        for name, values in self.metrics.items():
-            for place, (metrics, _) in zip(places, found, strict=True):
-                metrics[name] = values[[place]].tolist()[0]
-        for name, values in self.causes.items():
-            for place, (_, drawn) in zip(places, found, strict=True):
-                drawn[name] = float(values[place])
-        return found
+        # Column by column: each is read from a file once.
+        metrics = {name: values[list(places)].tolist() for name, values in self.metrics.items()}
+        causes = {name: values[list(places)].astype(float).tolist() for name, values in self.causes.items()}
+        return [
+            (
+                {name: column[k] for name, column in metrics.items()},
+                {name: column[k] for name, column in causes.items()},
+            )
+            for k in range(len(places))
+        ]
 
     def table(self, missions: Sequence[str]) -> pl.DataFrame:
         """Table with a row per mission: number, name, seed, metrics, and what was drawn ("drawn: ...")."""

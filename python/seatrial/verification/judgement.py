@@ -192,11 +192,6 @@ def check_energy(requirement: Requirement, vehicle: Vehicle) -> None:
     """Refuse a requirement on the energy of a vehicle that tells no power.
 
     Raises CampaignError where it is one.
-
-    Examples
-    --------
-    >>> import seatrial as st
-    >>> check_energy(Requirement("battery", "energy_wh <= 60"), st.Vehicle.load("cwolf"))
     """
     if "energy_wh" not in requirement.metrics:
         return

@@ -222,7 +222,7 @@ class CampaignFlights:
     @cached_property
     def _ready(self) -> tuple[Cases, ...]:
         """The case of each mission in which everything that is drawn still has its mean."""
-        table, bottom = self.table, self.table.seabed
+        table = self.table
         return tuple(
             Cases.of(
                 self.fitted.vehicle,
@@ -241,9 +241,7 @@ class CampaignFlights:
                     turbulence_times_s=table.current.turbulence_times_s,
                     current_walk=table.current.walk_m_s,
                     obstacles=obstacles(table.obstacles),
-                    seabed=None
-                    if bottom is None
-                    else (bottom.depth_m, bottom.slope_north, bottom.slope_east),
+                    seabed=table.plane,
                     rho=self.rho,
                     g=self.g,
                 ),

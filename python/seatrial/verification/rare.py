@@ -45,16 +45,11 @@ _KIND: Final = "rare failures"  # of the run
 class RareSettings:
     """How many missions subset simulation flies, and which random numbers it takes."""
 
-    #: Missions of a level.
-    population: int = 500
-    #: Independent populations, from whose scatter the interval comes too.
-    populations: int = 4
-    #: Missions of the importance sampling that checks the estimate.
-    checked: int = 1000
-    #: Stream of these random numbers; 1 to 4 are those of the draws.
-    stream: int = 5
-    #: Missions in memory at once.
-    batch: int = 512
+    population: int = 500  #: Missions of a level.
+    populations: int = 4  #: Independent populations, from whose scatter the interval comes too.
+    checked: int = 1000  #: Missions of the importance sampling that checks the estimate.
+    stream: int = 5  #: Stream of these random numbers; 1 to 4 are those of the draws.
+    batch: int = 512  #: Missions in memory at once.
 
 
 SETTINGS = RareSettings()

@@ -44,9 +44,7 @@ if TYPE_CHECKING:
     from seatrial.flight.mission import Mission
 
 Values = NDArray[Any]
-
 _T = TypeVar("_T")
-
 _SHARE = "of the threshold"
 
 
@@ -315,9 +313,7 @@ def _folded(name: str, values: list[Values]) -> Values:
 
 
 _SUMS = {ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide, ast.Pow: np.power}
-
 _FUNCTIONS = {"abs": np.abs, "sqrt": np.sqrt, "min": np.minimum, "max": np.maximum}
-
 Circle = tuple[float, float, float]
 
 
@@ -360,22 +356,12 @@ def _has_course(mission: Mission) -> bool:
 def default_requirements(
     table: VerificationTable, missions: Sequence[Mission], *, position_sd_m: float = 0.0
 ) -> tuple[Requirement, ...]:
-    r"""Requirements of missions where the campaign states none.
+    """Requirements of missions where the campaign states none.
 
     A mission that only dives has no course: then the depths between the ends of each leg are to be kept.
 
     `missions`: those of the table. `position_sd_m`: standard deviation of the position that the sensors give,
     along an axis.
-
-    Examples
-    --------
-    >>> import seatrial as st
-    >>> from seatrial.cli.new import EXAMPLES
-    >>> from seatrial.verification.table import parse_verification
-    >>> table = parse_verification('[verification]\nmissions = ["farm.toml"]', "campaign.toml")
-    >>> farm = st.Mission.load(EXAMPLES / "missions" / "farm.toml")
-    >>> [one.holds for one in default_requirements(table, [farm])][1:]
-    ['true_cross_track_p95_m <= 4', 'clearance_m > 0', 'clearance_reserve_m >= -0.5', 'depth_largest_m <= 15']
     """
     radius = min(float(np.min(one.waypoints["acceptance_radius_m"])) for one in missions)
     # Rounded up to a decimetre: nobody states a finer one.

@@ -43,13 +43,19 @@ from seatrial.verification.draws import targets
 from seatrial.verification.judgement import check_energy
 from seatrial.verification.missions import CampaignFlights
 from seatrial.verification.requirement import Requirement, default_requirements, named
-from seatrial.verification.table import MissionTable, RequirementTable, parse_verification
+from seatrial.verification.table import (
+    FaultTable,
+    MissionTable,
+    OutageTable,
+    RequirementTable,
+    parse_verification,
+)
 
 if TYPE_CHECKING:
     from seatrial.base.work import Clock
     from seatrial.identification.identification import Identification
     from seatrial.tuning.result import Tuning
-    from seatrial.verification.table import Between, Current, DistributionTable, Waves
+    from seatrial.verification.table import Current, DistributionTable, Waves
 
 _PERFECT = "perfect"
 
@@ -60,8 +66,7 @@ class ScenarioSettings:
 
     #: Largest standard deviation of the current, m/s, as of a single flight.
     strongest_turbulence_m_s: float = 5.0
-    #: Part of its draws that must be possible where a distribution has no end.
-    likely_share: float = 0.99
+    likely_share: float = 0.99  #: Part of its draws that must be possible where a distribution has no end.
 
 
 SETTINGS = ScenarioSettings()
@@ -72,15 +77,6 @@ def under(source: str, *keys: str, said: str = "") -> Iterator[None]:
     """Errors inside, their message begun with the campaign file and the keys of its table ``[verification]``.
 
     Keys go from the outside in. `said`: how the message itself names what they name; it is left out.
-
-    Examples
-    --------
-    >>> try:
-    ...     with under("farm.toml", "current", "speed_m_s", said="current"):
-    ...         raise SimulationError("current: expected less, found more")
-    ... except SimulationError as error:
-    ...     print(error)
-    farm.toml: verification, current, key speed_m_s: expected less, found more
     """
     try:
         yield
@@ -110,16 +106,18 @@ def sensors_of_table(
     return sensors
 
 
-def requirement_of(source: str, asked: RequirementTable) -> Requirement:
-    """A requirement that the campaign file states, on metrics that there are.
+def requirement_of(source: str, asked: RequirementTable, vehicle: Vehicle | None = None) -> Requirement:
+    """A requirement that the campaign file states; with a vehicle on metrics that its missions have.
 
-    Raises CampaignError where its expression cannot be read; with file and key.
+    Raises CampaignError where its expression cannot be read or judged; with file and key.
     """
-    from seatrial.verification.requirement import Requirement
-
     said = f'requirement "{asked.name}": holds'
     with under(source, f"requirements {asked.name!r}", "holds", said=said):
-        return Requirement(asked.name, asked.holds, asked.probability)
+        requirement = Requirement(asked.name, asked.holds, asked.probability)
+        if vehicle is not None:
+            requirement.check()
+            check_energy(requirement, vehicle)
+        return requirement
 
 
 def check_table(source: str, flights: CampaignFlights) -> list[Finding]:
@@ -134,25 +132,29 @@ def check_table(source: str, flights: CampaignFlights) -> list[Finding]:
         sensor_channels(sensors_of(flights.sensors, vehicle), flights.autopilot.period_s)
     with under(source, "max_time_s", said="max_time_s"):
         ends = [longest(route, flights.autopilot, table.max_time_s, logs=False) for route in routes]
-    bottom = table.seabed
     for route in routes:
         with under(source, "seabed", said="seabed"):
-            checked_seabed(
-                None if bottom is None else (bottom.depth_m, bottom.slope_north, bottom.slope_east), route
-            )
+            checked_seabed(table.plane, route)
     _check_water(source, table.current)
     if table.waves is not None:
         _check_waves(source, table.waves)
-    for entry, keys in zip(table.faults, _keys("faults", table.faults), strict=True):
-        with under(source, keys, said="faults"):
-            targets(entry, vehicle)
-        with under(source, keys, "between_s"):
-            _begins_in_flight(entry.between_s, max(ends))
-    for outage, keys in zip(table.outages, _keys("outages", table.outages), strict=True):
-        with under(source, keys, said="outages"):
-            outage_rows([Outage(outage.sensor, 0.0)], max(ends))
-        with under(source, keys, "between_s"):
-            _begins_in_flight(outage.between_s, max(ends))
+    failures: tuple[tuple[str, Sequence[FaultTable | OutageTable]], ...]
+    failures = ("faults", table.faults), ("outages", table.outages)
+    for name, entries in failures:
+        for number, entry in enumerate(entries, 1):
+            # Which of them it is, where there are several.
+            key = name if len(entries) == 1 else f"{name}[{number}]"
+            with under(source, key, said=name):
+                if isinstance(entry, FaultTable):
+                    targets(entry, vehicle)
+                else:
+                    outage_rows([Outage(entry.sensor, 0.0)], max(ends))
+            with under(source, key, "between_s"):
+                if entry.between_s is not None and entry.between_s[0] > max(ends):
+                    raise SimulationError(
+                        f"expected a beginning within the longest flight, 0 to {max(ends):.0f} s, found"
+                        f" {entry.between_s[0]:g} s; the failure would never occur"
+                    )
     if not isinstance(table.coefficients, str):
         with under(source, "coefficients", said="standard deviations"):
             Fitted.of(flights.fitted, percent=table.coefficients)
@@ -212,26 +214,11 @@ def _check_waves(source: str, waves: Waves) -> None:
             within(key, getattr(waves, key), (least, most), unit)
 
 
-def _begins_in_flight(between: Between | None, end_s: float) -> None:
-    if between is not None and between[0] > end_s:
-        raise SimulationError(
-            f"expected a beginning within the longest flight, 0 to {end_s:.0f} s, found"
-            f" {between[0]:g} s; the failure would never occur"
-        )
-
-
-def _keys(name: str, entries: Sequence[object]) -> list[str]:
-    """The key of each entry; which one it is, where there are several."""
-    return [name] if len(entries) == 1 else [f"{name}[{k + 1}]" for k in range(len(entries))]
-
-
 _AUTOPILOT_FILE = "autopilot.toml"
-
 WITHOUT_FILE = "verify"
 """Source of a scenario that no campaign file states."""
 
 _WATER = ("current", "waves", "seabed", "obstacles", "rho", "g")
-
 _CONDITIONS = ("sensors", "navigation", "faults", "outages", "start", "voltage_v", "max_time_s", "model")
 
 
@@ -465,21 +452,13 @@ def titled(missions: Sequence[Mission | str | Path]) -> tuple[tuple[MissionTable
 
     Raises CampaignError where there is none, or two have the same title.
     """
-    listed = _listed(missions)
-    flown = tuple(Mission.load(mission) if isinstance(mission, str | Path) else mission for mission in listed)
-    titles = [
-        Path(given).stem if isinstance(given, str | Path) else mission.name
-        for given, mission in zip(listed, flown, strict=True)
-    ]
+    if isinstance(missions, str | Path | Mission) or not missions:
+        raise CampaignError(f"missions: expected a list of missions or files, found {missions!r}")
+    given = [(Path(m).stem, Mission.load(m)) if isinstance(m, str | Path) else (m.name, m) for m in missions]
+    titles, flown = [title for title, _ in given], tuple(mission for _, mission in given)
     if (title := twice(titles)) is not None:
         raise CampaignError(f"missions: two are called {title!r}; rename one of them")
     return tuple(MissionTable(file=title, name=title) for title in titles), flown
-
-
-def _listed(missions: Any) -> Sequence[Mission | str | Path]:
-    if isinstance(missions, str | Path | Mission) or not missions:
-        raise CampaignError(f"missions: expected a list of missions or files, found {missions!r}")
-    return list(missions)
 
 
 def autopilot_of(source: Any) -> Autopilot:
@@ -503,17 +482,9 @@ def _requirements(source: str, flights: CampaignFlights) -> tuple[tuple[Requirem
     """What must hold, every expression checked, and a remark where nobody said what."""
     table = flights.table
     if table.requirements:
-        return tuple(_stated(source, one, flights.fitted.vehicle) for one in table.requirements), []
+        vehicle = flights.fitted.vehicle
+        return tuple(requirement_of(source, asked, vehicle) for asked in table.requirements), []
     off = flights.position_sd_m
     asked = default_requirements(table, flights.missions, position_sd_m=off)
     holds = {requirement.name: requirement.holds for requirement in asked}
     return asked, [Finding("no requirements", Severity.NOTE, values={"holds": holds, "position_sd_m": off})]
-
-
-def _stated(source: str, asked: RequirementTable, vehicle: Vehicle) -> Requirement:
-    requirement = requirement_of(source, asked)
-    said = f'requirement "{asked.name}": holds'
-    with under(source, f"requirements {asked.name!r}", "holds", said=said):
-        requirement.check()
-        check_energy(requirement, vehicle)
-    return requirement

@@ -97,12 +97,6 @@ class DistributionTable(Section):
         """Values at probabilities u, each strictly between 0 and 1; of the shape of u.
 
         `above_zero`: whether a normal distribution is cut at zero.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> DistributionTable(uniform=(1.0, 3.0)).quantiles(np.array([0.25, 0.5]))
-        array([1.5, 2. ])
         """
         from scipy.special import ndtr, ndtri
 
@@ -169,17 +163,11 @@ def _an_angle(table: DistributionTable) -> DistributionTable:
 
 
 Distribution = Annotated[DistributionTable, BeforeValidator(_short)]
-
 PositiveDistribution = Annotated[DistributionTable, BeforeValidator(_short), AfterValidator(_not_below_zero)]
-
 Direction = Annotated[DistributionTable, BeforeValidator(_direction), AfterValidator(_an_angle)]
-
 Turn = Annotated[DistributionTable, BeforeValidator(_turn), AfterValidator(_an_angle)]
-
 Probability = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=1)]
-
 Share = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, lt=1)]
-
 Between = tuple[NotNegative, NotNegative]
 
 
@@ -497,6 +485,12 @@ class VerificationTable(Section):
     cases: Annotated[tuple[CaseTable, ...], BeforeValidator(_as_list)] = ()
     """Regression cases, flown as they stand."""
 
+    @property
+    def plane(self) -> tuple[float, float, float] | None:
+        """The bottom as `Water` takes it: depth, m, and slopes north and east; None without one."""
+        bottom = self.seabed
+        return None if bottom is None else (bottom.depth_m, bottom.slope_north, bottom.slope_east)
+
     @model_validator(mode="after")
     def _names_once(self) -> VerificationTable:
         for what, given in (
@@ -510,16 +504,10 @@ class VerificationTable(Section):
 
 
 def parse_verification(text: str, source: str) -> VerificationTable:
-    r"""Table ``[verification]`` of a TOML text that holds it.
+    """Table ``[verification]`` of a TOML text that holds it.
 
     `source`: what to call it in messages. Raises CampaignError: not TOML, no such table, an unknown key, a
     missing key or a value that a key may not hold.
-
-    Examples
-    --------
-    >>> table = parse_verification('[verification]\nmissions = ["farm.toml"]', "campaign.toml")
-    >>> table.runs, table.missions[0].title
-    (1000, 'farm')
     """
 
     class File(Section):

@@ -68,21 +68,14 @@ if TYPE_CHECKING:
 class VerifySettings:
     """How many missions are compared, and looked at for notes."""
 
-    #: Other autopilots fly one of so many missions.
-    compared_part: int = 10
-    #: Missions that other autopilots fly at least.
-    least_compared: int = 200
-    #: Missions whose draws are looked at for notes.
-    noted_draws: int = 8192
+    compared_part: int = 10  #: Other autopilots fly one of so many missions.
+    least_compared: int = 200  #: Missions that other autopilots fly at least.
+    noted_draws: int = 8192  #: Missions whose draws are looked at for notes.
 
 
 SETTINGS = VerifySettings()
-
-
 _VERIFIED = "verified"
-
 _R = TypeVar("_R")
-
 _S = TypeVar("_S", covariant=True)
 
 
@@ -367,21 +360,21 @@ class AutopilotComparison:
 
     def pair(self, requirement: str, other: str) -> PairedRequirement:
         """The verified autopilot against another one in a requirement."""
-        return next(one for one in self.pairs if (one.requirement, one.other) == (requirement, other))
+        return next(pair for pair in self.pairs if (pair.requirement, pair.other) == (requirement, other))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data."""
         return {
             "runs": self.runs,
             "autopilots": {
-                one.name: {
-                    "failures": {name: found.failures for name, found in one.failures.items()},
-                    "intervals": {name: list(found.interval) for name, found in one.failures.items()},
-                    "medians": dict(one.metrics),
+                pilot.name: {
+                    "failures": {name: rate.failures for name, rate in pilot.failures.items()},
+                    "intervals": {name: list(rate.interval) for name, rate in pilot.failures.items()},
+                    "medians": dict(pilot.metrics),
                 }
-                for one in self.autopilots
+                for pilot in self.autopilots
             },
-            "pairs": [one.to_dict() for one in self.pairs],
+            "pairs": [pair.to_dict() for pair in self.pairs],
         }
 
 
@@ -397,7 +390,7 @@ def compared(
     Holm.
     """
     held_by_name = {
-        name: {one.name: one.judge(missions.metrics).held for one in requirements}
+        name: {asked.name: asked.judge(missions.metrics).held for asked in requirements}
         for name, missions in flown.items()
     }
     runs = len(next(iter(flown.values())))
@@ -535,10 +528,7 @@ class Verification(RunResult):
 
         Raises KeyError: there is none.
         """
-        for one in self.requirements:
-            if one.requirement.name == name:
-                return one
-        raise KeyError(name)
+        return {judged.requirement.name: judged for judged in self.requirements}[name]
 
     def replay(self, number: int) -> Flight:
         """Flight of a mission by its number, with its log; metrics are those of the verification to the bit.

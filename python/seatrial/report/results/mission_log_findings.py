@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 from seatrial.base.channels import readable
 from seatrial.base.finding import Finding
-from seatrial.verification.mission_log.power import POWER_SETTINGS
+from seatrial.verification.mission_log.power import SETTINGS as POWER_SETTINGS
 from seatrial.verification.mission_log.suspects import Suspect
 from seatrial.verification.mission_log.unknowns import UNKNOWNS_SETTINGS
 from seatrial.verification.mission_log.validity import ChannelValidity, Contradiction

@@ -19,7 +19,9 @@ from seatrial.base.blas_threads import one_blas_thread
 from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import CampaignError, SimulationError
 from seatrial.base.finding import Finding, Severity
+from seatrial.base.toml_file import loaded
 from seatrial.base.work import Clock, takes
+from seatrial.flight.mission import Mission
 from seatrial.identification.fitted import Fitted
 from seatrial.inspect.verdict import blind, judge_trial
 from seatrial.trial.trial import Trial
@@ -34,19 +36,24 @@ from seatrial.verification.mission_log.spread import (
     spread_of_reference,
 )
 from seatrial.verification.mission_log.suspects import (
-    CANDIDATE_SETTINGS,
+    SUSPECT_SETTINGS,
     Suspect,
     candidates,
     in_current,
     suspects,
 )
 from seatrial.verification.mission_log.validity import VALIDITY_SETTINGS, Validity, contradictions, validity
-from seatrial.verification.mission_log.verdict import JudgedRequirement, LogVerdict, ModelState
+from seatrial.verification.mission_log.verdict import (
+    JudgedRequirement,
+    LogVerdict,
+    ModelState,
+    mission_envelope,
+)
+from seatrial.verification.scenario import autopilot_of
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
     from seatrial.control_design.corridor import Corridor
-    from seatrial.flight.mission import Mission
     from seatrial.identification.identification import Identification
     from seatrial.trial.trial import Input
     from seatrial.verification.requirement import Requirement
@@ -57,14 +64,11 @@ if TYPE_CHECKING:
 class JudgementSettings:
     """When no single change of the vehicle explains a log: both must hold."""
 
-    #: Error that the best suspect leaves, over the usual error of a valid model.
-    left_ratio: float = 2.0
-    #: Share of the misfit that the best suspect explains at least.
-    explained_share: float = 0.9
+    left_ratio: float = 2.0  #: Error that the best suspect leaves, over the usual error of a valid model.
+    explained_share: float = 0.9  #: Share of the misfit that the best suspect explains at least.
 
 
 SETTINGS = JudgementSettings()
-
 
 _QUIET: ModelState = "log too short or too quiet to tell"
 
@@ -103,7 +107,7 @@ class LogSettings:
     flights: int = 64
     seed: int = 0
     level: float = VALIDITY_SETTINGS.level
-    payload_density_kg_m3: float = CANDIDATE_SETTINGS.payload_density
+    payload_density_kg_m3: float = SUSPECT_SETTINGS.payload_density
 
 
 USUAL = LogSettings()
@@ -146,7 +150,12 @@ def judge_model(
     windows = windows.without(hidden)
     if not windows.channels:
         return ModelJudgement("not judged", _because("every axis answers waves"))
-    remarks = _remarks(known, reference)
+    # What was not known of the model and of its usual error.
+    missing = {"no reference": reference is None, "covariance unknown": not known.names}
+    remarks = (
+        *(Finding(kind, Severity.NOTE) for kind, lacks in missing.items() if lacks),
+        *(Finding("fit", Severity.NOTE, values={"note": note}) for note in known.notes),
+    )
     drawn = known.draws(settings.draws, settings.seed) if known.names else None
     stated = reference if isinstance(reference, Mapping) else None
     water = windows.trial.current is None
@@ -197,14 +206,6 @@ def judge_model(
 def _because(kind: str, **values: Any) -> Finding:
     """Why a model has its state."""
     return Finding(kind, Severity.PROBLEM, values=values)
-
-
-def _remarks(known: Fitted, reference: Any) -> tuple[Finding, ...]:
-    """What was not known of the model and of its usual error."""
-    remarks = [] if reference is not None else [Finding("no reference", Severity.NOTE)]
-    if not known.names:
-        remarks.append(Finding("covariance unknown", Severity.NOTE))
-    return (*remarks, *(Finding("fit", Severity.NOTE, values={"note": note}) for note in known.notes))
 
 
 def _not_failing(
@@ -320,7 +321,12 @@ def verify_log(
         )
     with one_blas_thread():
         clock = Clock()
-        known, record, flown = Fitted.of(fitted), _log(log), _loaded(mission)
+        known = Fitted.of(fitted)
+        flown = None if mission is None else loaded(Mission, mission)
+        if isinstance(log, MissionLog):
+            record = log
+        else:
+            record = MissionLog.of(log) if isinstance(log, Trial) else MissionLog.read(log)
         hidden = blind(judge_trial(record.trial, known.vehicle))
         windows = restarts(
             known.vehicle,
@@ -341,11 +347,9 @@ def verify_log(
         )
         steps = logged_steps(record, corridors or {})
         remarks = (*judged.remarks, *_without_steps(corridors or {}, [step.loop for step in steps]))
-        envelope, pilot = None, _pilot(autopilot)
+        envelope, pilot = None, None if autopilot is None else autopilot_of(autopilot)
         # Only what was flown can be flown again, in the current that explains the log where none is given.
         if pilot is not None and flown is not None:
-            from seatrial.verification.mission_log.verdict import mission_envelope
-
             if current is None and judged.current is not None:
                 current = [*judged.current, 0.0]
             envelope = mission_envelope(
@@ -396,30 +400,6 @@ def _required(requirement: Requirement, metrics: Mapping[str, Any]) -> JudgedReq
     found = requirement.judge({name: [metrics[name]] for name in requirement.metrics})
     reserve = float(found.reserve[0])
     return JudgedRequirement(requirement.name, requirement.holds, bool(found.held[0]), reserve, found.unit)
-
-
-def _log(source: Any) -> MissionLog:
-    if isinstance(source, MissionLog):
-        return source
-    return MissionLog.of(source) if isinstance(source, Trial) else MissionLog.read(source)
-
-
-def _loaded(mission: Any) -> Mission | None:
-    if mission is None:
-        return None
-    from seatrial.base.toml_file import loaded
-    from seatrial.flight.mission import Mission
-
-    found: Mission = loaded(Mission, mission)
-    return found
-
-
-def _pilot(autopilot: Any) -> Autopilot | None:
-    if autopilot is None:
-        return None
-    from seatrial.verification.scenario import autopilot_of
-
-    return autopilot_of(autopilot)
 
 
 def _without_steps(corridors: Mapping[str, Corridor], seen: Sequence[str]) -> list[Finding]:

@@ -1,4 +1,4 @@
-"""The log of a mission as a trial with what guidance wanted, and the envelope of flights about it.
+"""The log of a mission as a trial with what guidance wanted, its metrics, and its steps of set points.
 
 No sea trial knows the truth: a log that `seatrial fly` wrote is read by what the autopilot was told
 (``measured.…``), at the sea's surface. Held by ``test_recorded_mission.py``, ``test_recorded_campaign.py``
@@ -47,16 +47,13 @@ if TYPE_CHECKING:
 class MissionLogSettings:
     """How a log is read, thinned and set against the flights of its envelope."""
 
-    #: Depth of the sea's surface in flights, m (docs/theory/surface.md).
-    flown_surface_m: float = 0.0
+    flown_surface_m: float = 0.0  #: Depth of the sea's surface in flights, m (docs/theory/surface.md).
     #: Ratio of two intervals below which they are the same up to rounding to whole samples.
     thinning_ratio: float = 1.5
-    #: Of fewer flights, no rank leaves 2.5 % on either side.
-    fewest_flights: int = 39
+    fewest_flights: int = 39  #: Of fewer flights, no rank leaves 2.5 % on either side.
 
 
 SETTINGS = MissionLogSettings()
-
 
 _BESIDE = {
     "desired.speed_m_s": ("speed", 1.0),
@@ -291,12 +288,6 @@ def offsets_of(sensors: Any, vehicle: Vehicle) -> dict[str, float]:
 
     An offset starts every window of a log with the same wrong state; no number of windows averages it out, so
     that it belongs to the band like a coefficient that is not known exactly.
-
-    Examples
-    --------
-    >>> import seatrial as st
-    >>> sorted(offsets_of("typical", st.Vehicle.load("cwolf")))[:3]
-    ['p', 'pitch', 'q']
     """
     fitted = sensors_of(sensors, vehicle)
     offset_column = 1  # of the core's table of sensor errors
@@ -307,7 +298,6 @@ def offsets_of(sensors: Any, vehicle: Vehicle) -> dict[str, float]:
 
 
 _REACTIONS = {2: "surfaced", 3: "aborted"}
-
 _SHARES = {"p50": 0.50, "p95": 0.95, "p99": 0.99}
 
 
@@ -320,6 +310,9 @@ def log_metrics(
 ) -> dict[str, Any]:
     """Metrics of a recorded mission by the names of `Flight.metrics`, units in the names.
 
+    Errors of guidance count on the second half of straight legs (`seatrial.flight.metrics`). Positions are
+    those that were measured: the truth of a sea trial is not known.
+
     `mission`: without it there are no metrics of guidance, but those that the log itself tells. `vehicle`:
     gives the neutral command of the actuators. `obstacles`: what stands in the water besides the mission's
     own.
@@ -328,7 +321,9 @@ def log_metrics(
     here = set(trial.channels)
     found: dict[str, Any] = {"duration_s": float(trial.t[-1] - trial.t[0])}
     if {"x", "y", "z"} <= here:
-        found["distance_m"] = float(np.linalg.norm(np.diff(_smooth(log), axis=0), axis=1).sum())
+        # Positions once a second: the noise of a fast sensor is no way that was gone.
+        positions = trial.position[:: max(1, round(1.0 / trial.dt))]
+        found["distance_m"] = float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
     if "energy_wh" in log.beside:
         found["energy_wh"] = float(np.nanmax(log.beside["energy_wh"]) - log.beside["energy_wh"][0])
     elif "power" in log.beside:
@@ -383,11 +378,8 @@ def _of_guidance(log: MissionLog, mission: Mission) -> dict[str, Any]:
         found["depth_excursion_m"] = _excursion(log, path, progress, under_way)
     reached = int(progress.leg[-1]) + int(bool(progress.done.any()))
     found["waypoints_behind"] = float(reached)
-    strongest = int(reaction.max())
-    if strongest in _REACTIONS:
-        found["ending"] = _REACTIONS[strongest]
-    else:
-        found["ending"] = "complete" if reached == len(path.stops) else "out of time"
+    arrived = "complete" if reached == len(path.stops) else "out of time"
+    found["ending"] = _REACTIONS.get(int(reaction.max()), arrived)
     found["abort"] = found["ending"] == "aborted"
     return found
 
@@ -423,10 +415,8 @@ def _excursion(log: MissionLog, path: Route, progress: Progress, under_way: Mask
     Behind the start of a leg, where the vehicle still turns onto it, the depths of the leg before count too.
     """
     count = len(path.stops)
-    start, end = (
-        np.array([path.before(k) for k in range(count)]),
-        np.array([stop.position for stop in path.stops]),
-    )
+    start = np.array([path.before(k) for k in range(count)])
+    end = np.array([stop.position for stop in path.stops])
     band = np.sort(np.stack([start[:, 2], end[:, 2]], axis=1), axis=1)
     band[[path.follows_bottom(k) for k in range(count)]] = -np.inf, np.inf
     last = band[np.maximum(np.arange(count) - 1, 0)]
@@ -436,12 +426,6 @@ def _excursion(log: MissionLog, path: Route, progress: Progress, under_way: Mask
     allowed = np.where((along < 0.0)[:, None], entry[leg], band[leg])
     out = np.maximum(position[:, 2] - allowed[:, 1], allowed[:, 0] - position[:, 2])[under_way]
     return float(max(np.nanmax(out, initial=0.0), 0.0))
-
-
-def _smooth(log: MissionLog) -> Array:
-    """Positions once a second: the noise of a fast sensor is no way that was gone."""
-    every = max(1, round(1.0 / log.trial.dt))
-    return np.asarray(log.trial.position[::every])
 
 
 _LOOPS = {
@@ -458,10 +442,8 @@ _LOOPS = {
 class LogMetricsSettings:
     """Which set points of a log count as steps."""
 
-    #: Share of a corridor: a set point that moves for longer is no step.
-    ramp_share: float = 0.25
-    #: Largest change of a set point that stands still.
-    rounding: float = 1e-6
+    ramp_share: float = 0.25  #: Share of a corridor: a set point that moves for longer is no step.
+    rounding: float = 1e-6  #: Largest change of a set point that stands still.
 
 
 STEP_SETTINGS = LogMetricsSettings()
@@ -524,7 +506,7 @@ def logged_steps(log: MissionLog, corridors: Mapping[str, Corridor]) -> tuple[Lo
 
 def _ramps(wanted: Array, key: str, longest: int) -> list[tuple[int, int]]:
     """First and last sample of every change in one direction that is no longer than so many samples."""
-    change = _change(wanted, key)
+    change = _apart(wanted[1:], wanted[:-1], key)
     direction = np.where(
         np.isfinite(change) & (np.abs(change) > STEP_SETTINGS.rounding), np.sign(change), 0.0
     )
@@ -549,10 +531,6 @@ def _smoothed_set_point(log: MissionLog, channel: str) -> Array:
     with np.errstate(invalid="ignore"):
         mean = np.convolve(np.where(known, values, 0.0), box, mode="same") / weight
     return np.where(known, mean, np.nan)
-
-
-def _change(values: Array, key: str) -> Array:
-    return _apart(values[1:], values[:-1], key)
 
 
 def _apart(values: Array, others: Any, key: str) -> Array:

@@ -77,13 +77,10 @@ class PowerSettings:
     #: A channel speaks for a group where the group doubled and halved would both have shown: gain margins of
     #: 6 dB forgive a factor of two in a loop and no more.
     shown: float = 2.0
-    #: Chance with which a change shows: the usual counterpart of intervals of 95 %.
-    power: float = 0.95
+    power: float = 0.95  #: Chance with which a change shows: the usual counterpart of intervals of 95 %.
 
 
-POWER_SETTINGS = PowerSettings()
-
-
+SETTINGS = PowerSettings()
 _ADDED = re.compile(r"[XYZKMN]_[uvwpqr]dot")
 _OWN = {axis: re.compile(rf"{axis}_({own})\1?") for axis, own in zip("XYZKMN", "uvwpqr", strict=True)}
 _ANY = re.compile(r"[XYZKMN]_[uvwpqr]{1,2}")
@@ -104,15 +101,7 @@ class CoefficientGroup:
 
 
 def coefficient_groups(vehicle: Vehicle, *, actuators: bool = True) -> tuple[CoefficientGroup, ...]:
-    """Groups of a vehicle: per axis added mass, damping, lift and couplings; gains per group of actuators.
-
-    Examples
-    --------
-    >>> import seatrial as st
-    >>> groups = coefficient_groups(st.Vehicle.load("cwolf"))
-    >>> [group.names for group in groups if group.axis == "M"]
-    [('M_qdot',), ('M_q', 'M_qq'), ('M_uq', 'M_uw')]
-    """
+    """Groups of a vehicle: per axis added mass, damping, lift and couplings; gains per group of actuators."""
     values = vehicle.coefficients()
     sorted_in: dict[tuple[str, str], list[str]] = {
         (axis, kind): [] for axis in "XYZKMN" for kind in ("added mass", "damping", "lift and couplings")
@@ -157,9 +146,9 @@ class Shown:
         """Whether the group halved and doubled would both have shown."""
         return (
             self.down is not None
-            and self.down >= 1.0 / POWER_SETTINGS.shown
+            and self.down >= 1.0 / SETTINGS.shown
             and self.up is not None
-            and self.up <= POWER_SETTINGS.shown
+            and self.up <= SETTINGS.shown
         )
 
 
@@ -234,7 +223,7 @@ class Power(Plain, only="controlled_axes unjudged_axes windows left grown groups
         beyond = (
             name
             for name, x in self.left.items()
-            if x > POWER_SETTINGS.unexplained or self.grown[name] > POWER_SETTINGS.grown
+            if x > SETTINGS.unexplained or self.grown[name] > SETTINGS.grown
         )
         return tuple(sorted(beyond, key=lambda name: -self.left[name]))
 
@@ -244,8 +233,8 @@ class Power(Plain, only="controlled_axes unjudged_axes windows left grown groups
         Not where the channel could have refuted the model and its error is that of its noise.
         """
         explained = (
-            self.left.get(channel, np.inf) <= POWER_SETTINGS.explained
-            and self.grown.get(channel, np.inf) <= POWER_SETTINGS.grown
+            self.left.get(channel, np.inf) <= SETTINGS.explained
+            and self.grown.get(channel, np.inf) <= SETTINGS.grown
         )
         return not self.shown_in(channel) or not explained
 
@@ -338,7 +327,7 @@ def _tests(
 
 
 def _material(theta: float) -> bool:
-    return not 1.0 / POWER_SETTINGS.material <= 1.0 + theta <= POWER_SETTINGS.material
+    return not 1.0 / SETTINGS.material <= 1.0 + theta <= SETTINGS.material
 
 
 @dataclass(frozen=True)
@@ -410,7 +399,7 @@ def _smallest(of: _Estimates, g: int, level: float) -> Shown:
     sigma = float(of.sigma[g])
     if not np.isfinite(sigma):
         return Shown(None, None)
-    critical, beyond = student.isf([0.5 * level, 1.0 - POWER_SETTINGS.power], of.freedom[g]) * sigma
-    up = max(critical, POWER_SETTINGS.material - 1.0) + beyond
-    down = max(critical, 1.0 - 1.0 / POWER_SETTINGS.material) + beyond
+    critical, beyond = student.isf([0.5 * level, 1.0 - SETTINGS.power], of.freedom[g]) * sigma
+    up = max(critical, SETTINGS.material - 1.0) + beyond
+    down = max(critical, 1.0 - 1.0 / SETTINGS.material) + beyond
     return Shown(float(1.0 - down) if down < 1.0 else None, float(1.0 + up))

@@ -35,27 +35,19 @@ if TYPE_CHECKING:
 class SpreadSettings:
     """How a log is cut into windows, and how far a valid model may miss it."""
 
-    #: Fewer samples per window tell nothing of how an error grows.
-    least_samples: int = 8
+    least_samples: int = 8  #: Fewer samples per window tell nothing of how an error grows.
     #: Longest step of the integration, s; the rates of vehicles of a metre and more stay well below its
     #: inverse.
     substep_s: float = 0.05
-    #: Pitch, rad, beyond which roll and yaw do not count.
-    steep: float = math.radians(70.0)
-    #: Parts of the time since a restart.
-    bins: int = 12
-    #: Quantile of the normal distribution for 95 % between both ends.
-    normal_95: float = 1.959964
+    steep: float = math.radians(70.0)  #: Pitch, rad, beyond which roll and yaw do not count.
+    bins: int = 12  #: Parts of the time since a restart.
+    normal_95: float = 1.959964  #: Quantile of the normal distribution for 95 % between both ends.
     #: Channel of every initial condition in the core's order: position, attitude, velocity.
     initial_places: tuple[int, ...] = (6, 7, 8, 9, 10, 11, 0, 1, 2, 3, 4, 5)
-    #: Share of a valid model's samples outside a band of 95 %.
-    nominal: float = 0.05
-    #: Share of a channel outside the band below which nothing is called wrong.
-    least_share: float = 0.10
-    #: Shares at which the tail is computed; between them it is nearly straight.
-    grid: int = 32
-    #: Quantiles that stand for the distribution of a share.
-    quantiles: int = 64
+    nominal: float = 0.05  #: Share of a valid model's samples outside a band of 95 %.
+    least_share: float = 0.10  #: Share of a channel outside the band below which nothing is called wrong.
+    grid: int = 32  #: Shares at which the tail is computed; between them it is nearly straight.
+    quantiles: int = 64  #: Quantiles that stand for the distribution of a share.
 
 
 SPREAD_SETTINGS = SpreadSettings()
@@ -178,34 +170,9 @@ def restarts(
 ) -> PredictedLog:
     """Windows of a log and what a vehicle predicts in them.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-    trial : Trial
-    ahead_s : float, optional
-        Length of a window, s.
-    start_s, stop_s : float, optional
-        Part of the log, in its own time; all of it when omitted.
-    input : str, optional
-        What drives the vehicle; the first that is recorded when omitted.
-
-    Raises
-    ------
-    TrialError
-        No window can start, or an input or the supply voltage is missing.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import seatrial as st
-    >>> vehicle, t = st.Vehicle.load("cwolf"), np.arange(0.0, 30.0, 0.1)
-    >>> commands = {name: np.where(t < 2.0, 0.0, 800.0) for name in vehicle.actuators}
-    >>> run = vehicle.simulate(t, commands)
-    >>> trial = st.Trial.read(
-    ...     {"t_s": t, "u_m_s": run.nu[:, 0]} | {f"cmd.{name}": signal for name, signal in commands.items()}
-    ... )
-    >>> len(restarts(vehicle, trial, ahead_s=10.0).spans)
-    3
+    `ahead_s`: length of a window, s. `start_s`, `stop_s`: part of the log, in its own time; all of it when
+    omitted. `input`: what drives the vehicle; the first that is recorded when omitted. Raises TrialError: no
+    window can start, or an input or the supply voltage is missing.
     """
     chosen = input or default_input(vehicle, trial)
     check_usable(trial, ahead_s)
@@ -317,14 +284,7 @@ def clustered_share(outside: Sequence[NDArray[np.bool_]]) -> tuple[float, int, f
 
 
 def share_interval(share: float, effective: float) -> tuple[float, float]:
-    """Clopper and Pearson's interval of 95 % about a share of so many independent samples, whole or not.
-
-    Examples
-    --------
-    >>> low, high = share_interval(0.05, 100.0)
-    >>> round(low, 3), round(high, 3)
-    (0.016, 0.113)
-    """
+    """Clopper and Pearson's interval of 95 % about a share of so many independent samples, whole or not."""
     from scipy.special import betaincinv
 
     hits, rest = share * effective, (1.0 - share) * effective

@@ -1,7 +1,8 @@
 """Suspects: which change of the vehicle or its surroundings explains the misfit of a log, sorted by how much.
 
-Residuals r and exact derivatives J are in units of a valid model's spread, without what the state at a
-restart explains (`seatrial.verification.mission_log.suspects`). For every candidate alone
+A change at sea rarely moves one coefficient: candidates are single coefficients and linked groups. Residuals
+r and exact derivatives J are in units of a valid model's spread, without what the state at a restart explains
+(`Whitening`). For every candidate alone
 
     theta = (J'J)^-1 J'r,   gain = (J'r)' (J'J)^-1 (J'r) / r'r,
 
@@ -35,6 +36,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -42,6 +44,7 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS
+from seatrial.base.errors import SeatrialError
 from seatrial.base.finding import Finding, Severity
 from seatrial.base.plain import Plain
 from seatrial.base.report import clause_of
@@ -55,325 +58,31 @@ if TYPE_CHECKING:
 
 
 _WRENCH = ("X_0", "Y_0", "Z_0", "K_0", "M_0", "N_0")
+_SENSED = ("u", "v", "w", "p", "q", "r", "roll", "pitch", "yaw")
+_MASS = ("m", "B", "x_g", "y_g", "z_g", "I_x", "I_y", "I_z")
+_HYDRO = re.compile(r"[XYZKMN]_([uvwpqr]{1,2}|[uvwpqr]dot|0)|C_D[yz]")
+_DRAG = re.compile(r"[XYZKMN]_([uvwpqr])\1?|C_D[yz]")
+_LIFT = re.compile(r"[YZMN]_u[vwqr]")
 
 
 @dataclass(frozen=True)
 class SuspectSettings:
-    """Which changes count as suspects, and which cannot be told apart."""
+    """How candidates are followed, which changes count as suspects, and which cannot be told apart."""
 
-    #: Share of the gain from which another explanation is as likely.
-    alike_share: float = 0.9
-    #: Tidal streams are weaker, but for a few narrows.
-    strongest_current_m_s: float = 3.0
-    #: Gauss-Newton steps: the current enters nearly linearly.
-    steps: int = 4
-    #: Share of the cost: less explains nothing that a user would see.
-    least_gain: float = 0.02
+    #: Density of a payload, kg/m3, where nothing else is known: aluminium, and housings with what they hold.
+    payload_density: float = 2700.0
+    #: Step of a difference over the size of a candidate: far above rounding, far below what bends.
+    step: float = 1e-4
+    reweightings: int = 4  #: Reweightings of Huber's loss.
+    knee: float = 2.0  #: Knee of Huber's loss over the median size of a window's errors.
+    alike_share: float = 0.9  #: Share of the gain from which another explanation is as likely.
+    strongest_current_m_s: float = 3.0  #: Tidal streams are weaker, but for a few narrows.
+    steps: int = 4  #: Gauss-Newton steps: the current enters nearly linearly.
+    least_gain: float = 0.02  #: Share of the cost: less explains nothing that a user would see.
+    listed: int = 8  #: Suspects that are listed: a joint gain is worked out for each, which costs a fit.
 
 
 SUSPECT_SETTINGS = SuspectSettings()
-
-
-@dataclass(frozen=True, eq=False)
-class UnloggedThrust:
-    """What a thrust of one actuator beyond its commands explains.
-
-    `actuator`: its name. `thrust`: steady thrust of each window beyond the modelled one, (w,), N; at full
-    lift of a fin likewise. `gain`: fall of the sum of squares. `p`: of no such thrust: F-test with an
-    observation per channel and window, times the actuators tried. `alike`: actuators that explain nearly as
-    much.
-    """
-
-    actuator: str
-    thrust: Array
-    gain: float
-    p: float
-    alike: tuple[str, ...]
-
-
-def _unlogged(thrust: UnloggedThrust) -> Finding:
-    """The thrust beyond the commands, root mean square and mean over the windows, N."""
-    size, mean = float(np.sqrt(np.mean(thrust.thrust**2))), float(thrust.thrust.mean())
-    return changed("unlogged thrust", thrust.actuator, rms_n=size, mean_n=mean)
-
-
-def unlogged_thrusts(log: PredictedLog, white: Whitening) -> tuple[UnloggedThrust, ...]:
-    """Every actuator with the thrust that its commands do not tell, the best explanation first.
-
-    None where a recorded wrench drives the vehicle.
-    """
-    from scipy.stats import f as fisher
-
-    if log.input == "tau":
-        return ()
-    facts = log.vehicle.actuator_info()
-    directions: list[Mapping[str, float]] = [
-        dict(zip(_WRENCH, (float(x) for x in facts[name]["wrench"]), strict=True))
-        for name in log.vehicle.actuators
-    ]
-    columns = white.columns(log.slopes(directions))
-    pull = np.array([np.einsum("ncd,nc->d", one, r) for one, r in zip(columns, white.residual, strict=True)])
-    square = np.array([np.einsum("ncd,ncd->d", one, one) for one in columns])  # (w, a)
-    known = square > 1e-12 * np.maximum(square.max(axis=0), 1e-300)
-    thrust = np.where(known, pull / np.where(known, square, 1.0), 0.0)
-    gains = (thrust * pull).sum(axis=0)
-    windows = len(columns)
-    free = max(windows * (len(white.places) - 1), 1)
-    found = []
-    for k, name in enumerate(log.vehicle.actuators):
-        left = max(white.cost - float(gains[k]), 1e-300)
-        chance = float(fisher.sf(float(gains[k]) / windows / (left / free), windows, free))
-        near = [
-            (float(gains[j]), other)
-            for j, other in enumerate(log.vehicle.actuators)
-            if j != k and gains[j] > SUSPECT_SETTINGS.alike_share * gains[k]
-        ]
-        alike = tuple(other for _, other in sorted(near, reverse=True))
-        found.append(
-            UnloggedThrust(name, thrust[:, k], float(gains[k]), min(1.0, len(facts) * chance), alike)
-        )
-    return tuple(sorted(found, key=lambda one: -one.gain))
-
-
-def in_current(log: PredictedLog, spread: Spread) -> tuple[PredictedLog, tuple[float, float]]:
-    """Log without a recorded current, with the steady one that suits it best, and that north and east, m/s.
-
-    `spread` is that of a valid model's errors.
-    """
-    current = np.zeros(2)
-    found = log.in_water(current)
-    for _ in range(SUSPECT_SETTINGS.steps):
-        slopes = found.slopes([], current=True)
-        white = Whitening(found, spread, slopes)
-        columns = np.concatenate([one.reshape(-1, 2) for one in white.columns(slopes)])
-        residual = np.concatenate([one.ravel() for one in white.residual])
-        step = np.linalg.lstsq(columns, residual, rcond=1e-9)[0]
-        current = np.clip(
-            current + step, -SUSPECT_SETTINGS.strongest_current_m_s, SUSPECT_SETTINGS.strongest_current_m_s
-        )
-        found = log.in_water(current)
-        if float(np.abs(step).max()) < 1e-3:  # m/s: a step of the current that ends the search
-            break
-    return found, (float(current[0]), float(current[1]))
-
-
-_SENSED = ("u", "v", "w", "p", "q", "r", "roll", "pitch", "yaw")
-
-
-def offset_channels(log: PredictedLog) -> list[str]:
-    """Channels of a log whose offset shows: not positions, which move start and path alike."""
-    return [name for name in log.channels if name in _SENSED]
-
-
-def offset_slopes(log: PredictedLog, slopes: Sequence[Slopes], channels: Sequence[str]) -> list[Slopes]:
-    """Derivatives of measured less predicted by the offset of each channel, per window."""
-    own = [CHANNELS.index(name) for name in channels]
-    start = np.argsort(SPREAD_SETTINGS.initial_places)[own]
-    unit = np.eye(len(CHANNELS))[:, own]
-    return [
-        Slopes(np.where(mask[:, :, None], unit - one.by_start[:, :, start], 0.0), one.by_start)
-        for one, mask in zip(slopes, log.counted, strict=True)
-    ]
-
-
-_ANGLES, _RATES = ("roll", "pitch", "yaw"), ("p", "q", "r")
-
-
-def suspects(
-    log: PredictedLog,
-    spread: Spread,
-    tried: Sequence[Candidate],
-    *,
-    sigma: Mapping[str, float] | None = None,
-    current: bool = True,
-    most: int = 8,  # a joint gain is worked out for each, which costs a fit
-) -> tuple[Suspect, ...]:
-    """Suspects of a log, the one that explains most first.
-
-    `spread`: of a valid model's errors. `sigma`: standard deviations of the identified coefficients.
-    `current`: whether a steady current that was not recorded is tried too. `most`: how many to list.
-    """
-    directions = [one for candidate in tried for one in candidate.directions()]
-    slopes = log.slopes(directions, current=current)
-    white = Whitening(log, spread, slopes)
-    if not white.cost > 0.0:  # no channel has a spread to measure its error by
-        return ()
-    sensed = offset_channels(log)
-    columns = [
-        np.concatenate(pair, axis=2)
-        for pair in zip(white.columns(slopes), white.columns(offset_slopes(log, slopes, sensed)), strict=True)
-    ]
-    tests = score_tests(
-        _linearisation(white.residual, white.counted),
-        columns,
-        fitted=(),
-        block=[np.full(len(one), w) for w, one in enumerate(columns)],
-    )
-    places, first = [], 0
-    for candidate in tried:
-        places.append(list(range(first, first + len(candidate.scale))))
-        first += len(candidate.scale)
-    if current:
-        places.append([first, first + 1])
-        first += 2
-    places += [[first + k] for k in range(len(sensed))]
-    names = [one.name for one in tried] + ["current"] * current + [f"offset of {one}" for one in sensed]
-    squares = white.weight**2
-    samples = float(sum(w * mask.sum() for w, mask in zip(squares, white.counted, strict=True)))
-    # The score test thins long logs.
-    part = white.cost / max(tests.cost, 1e-300)
-    fits = [(theta, part * gain) for theta, gain in (_fit(tests, own) for own in places)]
-    results = tests.results()
-    order = sorted(range(len(places)), key=lambda i: -fits[i][1])
-    # Errors of a window hang together: it is worth about one observation per channel.
-    # Akaike (1974): two in twice the log-likelihood, per parameter.
-    penalty = 2.0 * white.cost / (len(columns) * len(white.places))
-    found: list[tuple[float, Suspect]] = []
-    for i in order[: 2 * most]:
-        theta, linear = fits[i]
-        own = places[i]
-        units: tuple[str, ...]
-        coefficients: dict[str, float]
-        spread_of = tuple(float(results.sigma[k]) for k in own)
-        if i >= len(tried) + current:
-            gain, coefficients = linear, {}
-            channel = sensed[i - len(tried) - current]
-            name, kind, units = (
-                names[i],
-                "sensor",
-                ("rad" if channel in _ANGLES else "rad/s" if channel in _RATES else "m/s",),
-            )
-            change = changed("sensor offset", channel, offset=float(theta[0]))
-        elif i == len(tried):
-            gain, coefficients = linear, {}
-            name, kind = "current", "surroundings"
-            units = ("m/s", "m/s")
-            change = changed("current", north_m_s=float(theta[0]), east_m_s=float(theta[1]))
-        else:
-            candidate = tried[i]
-            theta, gain = white.followed(candidate, columns, own, theta, linear)
-            if gain <= 0.0:
-                continue
-            coefficients = candidate.changes(theta)
-            name, kind, units = candidate.name, candidate.kind, candidate.units
-            change = candidate.finding(theta)
-        share = gain / white.cost
-        if share < SUSPECT_SETTINGS.least_gain or not _plausible(log, coefficients):
-            continue
-        if kind == "surroundings" and float(np.hypot(*theta)) > SUSPECT_SETTINGS.strongest_current_m_s:
-            continue
-        known = (sigma or {}).get(name)
-        suspect = Suspect(
-            name=name,
-            kind=kind,
-            finding=change,
-            values=tuple(float(x) for x in theta),
-            units=units,
-            sigma=spread_of,
-            gain=share,
-            left=float(np.sqrt(max(white.cost - gain, 0.0) / max(samples, 1.0))),
-            p=min(1.0, sum(map(len, places)) * float(np.min(results.p[own]))),
-            sigmas=None if not known else float(theta[0]) / known,
-            alike=_alike(tests, places, i, (names, [f[1] for f in fits])),
-            coefficients=coefficients,
-        )
-        # Of two that explain the same, the one that is a thing rather than a number is read first.
-        # A hundredth of the cost decides ties only.
-        worth = gain - penalty * (len(own) - 1) + (0.01 * white.cost if kind == "group" else 0.0)
-        found.append((worth, suspect))
-    for one in unlogged_thrusts(log, white):
-        if one.gain < SUSPECT_SETTINGS.least_gain * white.cost:
-            continue
-        size = float(one.thrust.std(ddof=1)) / len(one.thrust) ** 0.5
-        suspect = Suspect(
-            name=one.actuator,
-            kind="actuator",
-            finding=_unlogged(one),
-            values=(float(one.thrust.mean()),),
-            units=("N",),
-            sigma=(size,),
-            gain=one.gain / white.cost,
-            left=float(np.sqrt(max(white.cost - one.gain, 0.0) / max(samples, 1.0))),
-            p=one.p,
-            sigmas=None,
-            alike=one.alike,
-            coefficients={},
-        )
-        found.append((one.gain - penalty * (len(one.thrust) - 1), suspect))
-    found.sort(key=lambda pair: -pair[0])
-    return tuple(suspect for _, suspect in found[:most])
-
-
-def _plausible(log: PredictedLog, coefficients: Mapping[str, float]) -> bool:
-    """Whether no coefficient changes its sign or becomes three times itself, and no actuator's gain twice."""
-    present = log.vehicle.coefficients()
-    signed = [
-        (present[name], value)
-        for name, value in coefficients.items()
-        if present.get(name) and name[:2] not in ("x_", "y_", "z_")
-    ]
-    gains = [
-        value / present[name]
-        for name, value in coefficients.items()
-        if name.endswith(".gain") and present[name]
-    ]
-    return (
-        # Beyond three times its own value another vehicle is described.
-        all(0.0 <= value / own <= 3.0 for own, value in signed)
-        and max(gains, default=0.0) <= 2.0  # no actuator comes to give twice its thrust
-    )
-
-
-def _linearisation(residual: Sequence[Array], counted: Sequence[NDArray[np.bool_]]) -> Linearisation:
-    pieces = tuple(
-        Piece(
-            trial="log",
-            t=np.arange(len(one), dtype=float),
-            residual=one,
-            counted=mask,
-            weight=np.ones_like(one),
-            jacobian=np.zeros((*one.shape, 0)),
-            nu=np.zeros((len(one), 6)),
-        )
-        for one, mask in zip(residual, counted, strict=True)
-    )
-    width = residual[0].shape[1]
-    return Linearisation((), np.zeros(0), tuple("c" * width), np.ones(width), 1.0, pieces)
-
-
-def _fit(tests: ScoreTests, own: Sequence[int]) -> tuple[Array, float]:
-    """Values of the unknowns at places `own`, and the fall of the sum of squares, both to first order."""
-    total = tests.reduced[0]
-    normal, pull = total[np.ix_(own, own)], total[own, -1]
-    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    scaled = normal / np.outer(size, size) + 1e-9 * np.eye(len(own))
-    theta = np.linalg.solve(scaled, pull / size) / size
-    if not (np.diag(normal) > 1e-12 * tests.cost).all():
-        return np.zeros(len(own)), 0.0
-    return theta, float(theta @ pull)
-
-
-def _alike(
-    tests: ScoreTests, places: Sequence[list[int]], of: int, known: tuple[list[str], list[float]]
-) -> tuple[str, ...]:
-    """Candidates most of whose column lies in the span of this one's, and which explain nearly as much."""
-    names, gains = known
-    total, own = tests.reduced[0], places[of]
-    normal = total[np.ix_(own, own)]
-    found = []
-    for i, other in enumerate(places):
-        if i == of or len(other) > len(own) or gains[i] < SUSPECT_SETTINGS.alike_share * gains[of]:
-            continue
-        square = total[np.ix_(other, other)]
-        cross = total[np.ix_(own, other)]
-        if np.trace(square) <= 0.0 or np.trace(normal) <= 0.0:
-            continue
-        inside = cross.T @ np.linalg.lstsq(normal, cross, rcond=1e-9)[0]
-        shares = np.linalg.lstsq(square, inside, rcond=1e-9)[0]
-        share = float(np.trace(shares)) / len(other)
-        if share > SUSPECT_SETTINGS.alike_share:
-            found.append((share, names[i]))
-    return tuple(name for _, name in sorted(found, reverse=True))
 
 
 @dataclass(frozen=True)
@@ -409,32 +118,6 @@ class Suspect(Plain, only="name kind change values units sigma gain left p sigma
         return clause_of(self.finding, "mission_log_findings")
 
 
-@dataclass(frozen=True)
-class CandidateSettings:
-    """How candidates are differentiated and followed."""
-
-    #: Density of a payload, kg/m3, where nothing else is known: aluminium, and housings with what they hold.
-    payload_density: float = 2700.0
-    #: Step of a difference over the size of a candidate: far above rounding, far below what bends.
-    step: float = 1e-4
-    #: Reweightings of Huber's loss.
-    reweightings: int = 4
-    #: Knee of Huber's loss over the median size of a window's errors.
-    knee: float = 2.0
-
-
-CANDIDATE_SETTINGS = CandidateSettings()
-
-
-_MASS = ("m", "B", "x_g", "y_g", "z_g", "I_x", "I_y", "I_z")
-
-_HYDRO = re.compile(r"[XYZKMN]_([uvwpqr]{1,2}|[uvwpqr]dot|0)|C_D[yz]")
-
-_DRAG = re.compile(r"[XYZKMN]_([uvwpqr])\1?|C_D[yz]")
-
-_LIFT = re.compile(r"[YZMN]_u[vwqr]")
-
-
 @dataclass(frozen=True, eq=False)
 class Candidate:
     """Something that may have changed.
@@ -457,7 +140,7 @@ class Candidate:
         """Changes of the coefficients with one unit of each unknown, to first order."""
         found = []
         zero = np.zeros(len(self.scale))
-        for k, size in enumerate(CANDIDATE_SETTINGS.step * self.scale):
+        for k, size in enumerate(SUSPECT_SETTINGS.step * self.scale):
             step = np.zeros(len(self.scale))
             step[k] = size
             ahead, astern = self.changes(zero + step), self.changes(zero - step)
@@ -469,7 +152,7 @@ def candidates(
     vehicle: Vehicle,
     *,
     identified: Sequence[str] = (),
-    payload_density_kg_m3: float = CANDIDATE_SETTINGS.payload_density,
+    payload_density_kg_m3: float = SUSPECT_SETTINGS.payload_density,
 ) -> list[Candidate]:
     """Candidates of a vehicle: its coefficients and the identified ones, then groups that change together.
 
@@ -507,10 +190,17 @@ def candidates(
     return found
 
 
-def payload(vehicle: Vehicle, *, density: float = CANDIDATE_SETTINGS.payload_density) -> Candidate:
+def payload(vehicle: Vehicle, *, density: float = SUSPECT_SETTINGS.payload_density) -> Candidate:
     """Point mass of wet mass m_w, kg, at x_p; its unknowns are m_w and m_w x_p, kg and kg m.
 
-    `density`, kg/m3, is above that of the water.
+    At r_p and of a `density` rho_p, kg/m3, above that of the water, it has the dry mass ``m_d = m_w / (1 -
+    rho/rho_p)`` and moves mass, buoyancy, both centres and the inertias about O (Fossen 2021, section 3.2;
+    parallel axes):
+
+        m' = m + m_d,  B' = B + g (m_d - m_w),  m' r_G' = m r_G + m_d r_p,
+        B' r_B' = B r_B + g (m_d - m_w) r_p,  I_y' = I_y + m_d x_p^2,  I_z' = I_z + m_d x_p^2.
+
+    In its unknowns it is linear but for the inertias.
 
     Examples
     --------
@@ -618,6 +308,11 @@ def changed(kind: str, subject: str = "", **values: Any) -> Finding:
 class Whitening:
     """Residuals and derivatives of a log in units of the spread, without what a start explains.
 
+    Per window the residual r, in units of a valid model's spread, is ``r = J_theta theta + J_0 x_0 + e``: J
+    exact derivatives, x_0 the error of the state at the restart, known to within the noise. With ``J_0 S_0``
+    = U D V' the whitening ``I - U (1 - (1 + D^2)^-1/2) U'`` leaves unit noise (variable projection with a
+    prior).
+
     `residual`, `counted`: per window (n, C): residuals, and which of them count. `weight`: of every window.
     `cost`: sum of squares. `places`: channels that count, as places in `CHANNELS`.
     """
@@ -637,7 +332,7 @@ class Whitening:
         self.weight = np.ones(len(slopes))
         sizes = np.array([float(np.sqrt(np.mean(one**2))) for one in self.of(log.residual)])
         # Huber's weights for whole windows: a few wild ones shall not name the suspect.
-        self.weight = np.minimum(1.0, CANDIDATE_SETTINGS.knee * np.median(sizes) / np.maximum(sizes, 1e-300))
+        self.weight = np.minimum(1.0, SUSPECT_SETTINGS.knee * np.median(sizes) / np.maximum(sizes, 1e-300))
         self.residual = self.of(log.residual)
         self.cost = sum(float((one**2).sum()) for one in self.residual)
 
@@ -650,14 +345,14 @@ class Whitening:
         return [self._white(w, slope.by_direction[:, self.places]) for w, slope in enumerate(slopes)]
 
     def followed(
-        self, candidate: Candidate, columns: Sequence[Array], own: Sequence[int], theta: Array, linear: float
+        self, candidate: Candidate, columns: Sequence[Array], own: Sequence[int], theta: Array
     ) -> tuple[Array, float]:
         """Best values of a candidate on the non-linear model, and the fall of the sum of squares."""
         own_columns = [part[:, :, own].reshape(-1, len(own)) for part in columns]
         normal = sum(part.T @ part for part in own_columns)
         best, least = np.zeros(len(own)), self.cost
         step = theta
-        for _ in range(CANDIDATE_SETTINGS.reweightings):
+        for _ in range(SUSPECT_SETTINGS.reweightings):
             at, reach = best + step, None
             for _ in range(3):  # a step too far is halved
                 reach = self._cost(candidate, at)
@@ -674,8 +369,6 @@ class Whitening:
         return best, self.cost - least
 
     def _cost(self, candidate: Candidate, theta: Array) -> tuple[float, list[Array]] | None:
-        from seatrial.base.errors import SeatrialError
-
         try:
             parts = self.log.of(candidate.changes(theta))
         except SeatrialError:  # no vehicle has such coefficients
@@ -691,3 +384,265 @@ class Whitening:
         u, shrink = self.shrink[w]
         flat = flat - u @ (shrink[:, None] * (u.T @ flat))
         return np.asarray(self.weight[w] * flat.reshape(scaled.shape))
+
+
+def suspects(
+    log: PredictedLog,
+    spread: Spread,
+    tried: Sequence[Candidate],
+    *,
+    sigma: Mapping[str, float] | None = None,
+    current: bool = True,
+) -> tuple[Suspect, ...]:
+    """Suspects of a log, the one that explains most first.
+
+    `spread`: of a valid model's errors. `sigma`: standard deviations of the identified coefficients.
+    `current`: whether a steady current that was not recorded is tried too.
+    """
+    directions = [direction for candidate in tried for direction in candidate.directions()]
+    slopes = log.slopes(directions, current=current)
+    white = Whitening(log, spread, slopes)
+    if not white.cost > 0.0:  # no channel has a spread to measure its error by
+        return ()
+    sensed = [name for name in log.channels if name in _SENSED]
+    columns = [
+        np.concatenate(pair, axis=2)
+        for pair in zip(white.columns(slopes), white.columns(offset_slopes(log, slopes, sensed)), strict=True)
+    ]
+    tests = score_tests(
+        _linearisation(white.residual, white.counted),
+        columns,
+        fitted=(),
+        block=[np.full(len(part), w) for w, part in enumerate(columns)],
+    )
+    # The unknowns of every explanation, in the order of the columns.
+    every = [*tried, *([_unlogged_current()] if current else []), *map(_sensor_offset, sensed)]
+    edges = np.cumsum([0, *(len(candidate.scale) for candidate in every)]).tolist()
+    places = [list(range(a, b)) for a, b in pairwise(edges)]
+    squares = white.weight**2
+    samples = float(sum(w * mask.sum() for w, mask in zip(squares, white.counted, strict=True)))
+    # The score test thins long logs.
+    part = white.cost / max(tests.cost, 1e-300)
+    fits = [(theta, part * gain) for theta, gain in (_fit(tests, own) for own in places)]
+    results = tests.results()
+    order = sorted(range(len(places)), key=lambda i: -fits[i][1])
+    # Errors of a window hang together: it is worth about one observation per channel.
+    # Akaike (1974): two in twice the log-likelihood, per parameter.
+    penalty = 2.0 * white.cost / (len(columns) * len(white.places))
+    ranked: list[tuple[float, Suspect]] = []
+    for i in order[: 2 * SUSPECT_SETTINGS.listed]:
+        candidate, own, (theta, gain) = every[i], places[i], fits[i]
+        if i < len(tried):  # the others are linear, or nearly
+            theta, gain = white.followed(candidate, columns, own, theta)
+        coefficients = candidate.changes(theta)
+        if gain < SUSPECT_SETTINGS.least_gain * white.cost or not _plausible(log, coefficients):
+            continue
+        strongest = SUSPECT_SETTINGS.strongest_current_m_s
+        if candidate.kind == "surroundings" and float(np.hypot(*theta)) > strongest:
+            continue
+        known = (sigma or {}).get(candidate.name)
+        suspect = Suspect(
+            name=candidate.name,
+            kind=candidate.kind,
+            finding=candidate.finding(theta),
+            values=tuple(float(x) for x in theta),
+            units=candidate.units,
+            sigma=tuple(float(results.sigma[k]) for k in own),
+            gain=gain / white.cost,
+            left=float(np.sqrt(max(white.cost - gain, 0.0) / max(samples, 1.0))),
+            p=min(1.0, edges[-1] * float(np.min(results.p[own]))),
+            sigmas=None if not known else float(theta[0]) / known,
+            alike=_alike(tests, places, i, ([one.name for one in every], [f[1] for f in fits])),
+            coefficients=coefficients,
+        )
+        # Of two that explain the same, the one that is a thing rather than a number is read first.
+        # A hundredth of the cost decides ties only.
+        worth = gain - penalty * (len(own) - 1) + (0.01 * white.cost if candidate.kind == "group" else 0.0)
+        ranked.append((worth, suspect))
+    ranked += _unlogged_thrusts(log, white, samples, penalty)
+    ranked.sort(key=lambda pair: -pair[0])
+    return tuple(suspect for _, suspect in ranked[: SUSPECT_SETTINGS.listed])
+
+
+def _unlogged_current() -> Candidate:
+    """A steady current, m/s."""
+    return Candidate(
+        "current",
+        "surroundings",
+        ("m/s", "m/s"),
+        np.ones(2),
+        lambda theta: {},
+        lambda theta: changed("current", north_m_s=float(theta[0]), east_m_s=float(theta[1])),
+        (),
+    )
+
+
+def _sensor_offset(channel: str) -> Candidate:
+    """An offset that a sensor has throughout the log, SI."""
+    unit = "rad" if channel in ("roll", "pitch", "yaw") else "rad/s" if channel in ("p", "q", "r") else "m/s"
+    return Candidate(
+        f"offset of {channel}",
+        "sensor",
+        (unit,),
+        np.ones(1),
+        lambda theta: {},
+        lambda theta: changed("sensor offset", channel, offset=float(theta[0])),
+        (),
+    )
+
+
+def _unlogged_thrusts(
+    log: PredictedLog, white: Whitening, samples: float, penalty: float
+) -> list[tuple[float, Suspect]]:
+    """Every actuator with a steady thrust, N, of its own in each window that its commands do not tell.
+
+    With what it is worth, the fall of the sum of squares less the `penalty` of every further unknown; none
+    where a recorded wrench drives the vehicle. The p-value is that of an F-test with an observation per
+    channel and window, times the actuators tried.
+    """
+    from scipy.stats import f as fisher
+
+    if log.input == "tau":
+        return []
+    facts, names = log.vehicle.actuator_info(), list(log.vehicle.actuators)
+    directions: list[Mapping[str, float]] = [
+        dict(zip(_WRENCH, (float(x) for x in facts[name]["wrench"]), strict=True)) for name in names
+    ]
+    columns = white.columns(log.slopes(directions))
+    pull = np.array([np.einsum("ncd,nc->d", one, r) for one, r in zip(columns, white.residual, strict=True)])
+    square = np.array([np.einsum("ncd,ncd->d", one, one) for one in columns])  # (windows, actuators)
+    known = square > 1e-12 * np.maximum(square.max(axis=0), 1e-300)
+    thrusts = np.where(known, pull / np.where(known, square, 1.0), 0.0)
+    gains = (thrusts * pull).sum(axis=0).tolist()
+    windows = len(columns)
+    free = max(windows * (len(white.places) - 1), 1)
+    ranked = []
+    for k, name in sorted(enumerate(names), key=lambda pair: -gains[pair[0]]):
+        gain, thrust, left = gains[k], thrusts[:, k], max(white.cost - gains[k], 1e-300)
+        if gain < SUSPECT_SETTINGS.least_gain * white.cost:
+            continue
+        # Actuators that explain nearly as much.
+        least = SUSPECT_SETTINGS.alike_share * gain
+        near = [(gains[j], other) for j, other in enumerate(names) if j != k and gains[j] > least]
+        mean, rms = float(thrust.mean()), float(np.sqrt(np.mean(thrust**2)))
+        suspect = Suspect(
+            name=name,
+            kind="actuator",
+            finding=changed("unlogged thrust", name, rms_n=rms, mean_n=mean),
+            values=(mean,),
+            units=("N",),
+            sigma=(float(thrust.std(ddof=1)) / windows**0.5,),
+            gain=gain / white.cost,
+            left=float(np.sqrt(max(white.cost - gain, 0.0) / max(samples, 1.0))),
+            p=min(1.0, len(facts) * float(fisher.sf(gain / windows / (left / free), windows, free))),
+            sigmas=None,
+            alike=tuple(other for _, other in sorted(near, reverse=True)),
+            coefficients={},
+        )
+        ranked.append((gain - penalty * (windows - 1), suspect))
+    return ranked
+
+
+def in_current(log: PredictedLog, spread: Spread) -> tuple[PredictedLog, tuple[float, float]]:
+    """Log without a recorded current, with the steady one that suits it best, and that north and east, m/s.
+
+    `spread` is that of a valid model's errors.
+    """
+    current = np.zeros(2)
+    found = log.in_water(current)
+    for _ in range(SUSPECT_SETTINGS.steps):
+        slopes = found.slopes([], current=True)
+        white = Whitening(found, spread, slopes)
+        columns = np.concatenate([one.reshape(-1, 2) for one in white.columns(slopes)])
+        residual = np.concatenate([one.ravel() for one in white.residual])
+        step = np.linalg.lstsq(columns, residual, rcond=1e-9)[0]
+        current = np.clip(
+            current + step, -SUSPECT_SETTINGS.strongest_current_m_s, SUSPECT_SETTINGS.strongest_current_m_s
+        )
+        found = log.in_water(current)
+        if float(np.abs(step).max()) < 1e-3:  # m/s: a step of the current that ends the search
+            break
+    return found, (float(current[0]), float(current[1]))
+
+
+def offset_slopes(log: PredictedLog, slopes: Sequence[Slopes], channels: Sequence[str]) -> list[Slopes]:
+    """Derivatives of measured less predicted by the offset of each channel, per window."""
+    own = [CHANNELS.index(name) for name in channels]
+    start = np.argsort(SPREAD_SETTINGS.initial_places)[own]
+    unit = np.eye(len(CHANNELS))[:, own]
+    return [
+        Slopes(np.where(mask[:, :, None], unit - one.by_start[:, :, start], 0.0), one.by_start)
+        for one, mask in zip(slopes, log.counted, strict=True)
+    ]
+
+
+def _plausible(log: PredictedLog, coefficients: Mapping[str, float]) -> bool:
+    """Whether no coefficient changes its sign or becomes three times itself, and no actuator's gain twice."""
+    present = log.vehicle.coefficients()
+    signed = [
+        (present[name], value)
+        for name, value in coefficients.items()
+        if present.get(name) and name[:2] not in ("x_", "y_", "z_")
+    ]
+    gains = [
+        value / present[name]
+        for name, value in coefficients.items()
+        if name.endswith(".gain") and present[name]
+    ]
+    return (
+        # Beyond three times its own value another vehicle is described.
+        all(0.0 <= value / own <= 3.0 for own, value in signed)
+        and max(gains, default=0.0) <= 2.0  # no actuator comes to give twice its thrust
+    )
+
+
+def _linearisation(residual: Sequence[Array], counted: Sequence[NDArray[np.bool_]]) -> Linearisation:
+    pieces = tuple(
+        Piece(
+            trial="log",
+            t=np.arange(len(one), dtype=float),
+            residual=one,
+            counted=mask,
+            weight=np.ones_like(one),
+            jacobian=np.zeros((*one.shape, 0)),
+            nu=np.zeros((len(one), 6)),
+        )
+        for one, mask in zip(residual, counted, strict=True)
+    )
+    width = residual[0].shape[1]
+    return Linearisation((), np.zeros(0), tuple("c" * width), np.ones(width), 1.0, pieces)
+
+
+def _fit(tests: ScoreTests, own: Sequence[int]) -> tuple[Array, float]:
+    """Values of the unknowns at places `own`, and the fall of the sum of squares, both to first order."""
+    total = tests.reduced[0]
+    normal, pull = total[np.ix_(own, own)], total[own, -1]
+    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    scaled = normal / np.outer(size, size) + 1e-9 * np.eye(len(own))
+    theta = np.linalg.solve(scaled, pull / size) / size
+    if not (np.diag(normal) > 1e-12 * tests.cost).all():
+        return np.zeros(len(own)), 0.0
+    return theta, float(theta @ pull)
+
+
+def _alike(
+    tests: ScoreTests, places: Sequence[list[int]], of: int, known: tuple[list[str], list[float]]
+) -> tuple[str, ...]:
+    """Candidates most of whose column lies in the span of this one's, and which explain nearly as much."""
+    names, gains = known
+    total, own = tests.reduced[0], places[of]
+    normal = total[np.ix_(own, own)]
+    found = []
+    for i, other in enumerate(places):
+        if i == of or len(other) > len(own) or gains[i] < SUSPECT_SETTINGS.alike_share * gains[of]:
+            continue
+        square = total[np.ix_(other, other)]
+        cross = total[np.ix_(own, other)]
+        if np.trace(square) <= 0.0 or np.trace(normal) <= 0.0:
+            continue
+        inside = cross.T @ np.linalg.lstsq(normal, cross, rcond=1e-9)[0]
+        shares = np.linalg.lstsq(square, inside, rcond=1e-9)[0]
+        share = float(np.trace(shares)) / len(other)
+        if share > SUSPECT_SETTINGS.alike_share:
+            found.append((share, names[i]))
+    return tuple(name for _, name in sorted(found, reverse=True))

@@ -57,23 +57,20 @@ class UnknownsSettings:
     #: Delay that an import may have left in a sensor, s: a Doppler log's ping, processing and line take 0.12
     #: s.
     delay_s: float = 0.15
-    #: Of a steady current that the log does not tell: a strong tidal stream.
-    current_m_s: float = 1.0
+    current_m_s: float = 1.0  #: Of a steady current that the log does not tell: a strong tidal stream.
     #: Of the start in a channel that no sensor tells, m/s, rad/s, m and rad: the smoothed log has zero there,
     #: or what it makes of other channels. A position is told by nothing and acts on nothing.
     untold: tuple[float, ...] = (0.5, 0.5, 0.5, 0.2, 0.2, 0.2, 1e-9, 1e-9, 1e-9, 0.1, 0.1, 0.1)
     #: Nothing tells what the actuators did before a log begins, and the prediction takes them for settled:
     #: after five time constants of a slow thruster (0.4 s) that is forgotten.
     warm_up_s: float = 2.0
-    #: Fewer windows tell nothing of how they scatter.
-    fewest_windows: int = 6
+    fewest_windows: int = 6  #: Fewer windows tell nothing of how they scatter.
     #: Of a longer log evenly spaced windows: time grows with their number, sigma falls with its root alone.
     most_windows: int = 30
     #: Longest step of the integration, s: the yaw of a half-metre ROV is off by half its noise after ten
     #: seconds of steps of 0.05 s.
     step_s: float = 0.025
-    #: Rounds of Gauss-Newton; three to five are usual.
-    rounds: int = 8
+    rounds: int = 8  #: Rounds of Gauss-Newton; three to five are usual.
     #: Channels that one instrument tells.
     delayed: tuple[tuple[int, ...], ...] = ((0, 1, 2), (3, 4, 5), (6, 7), (8,), (9, 10, 11))
 

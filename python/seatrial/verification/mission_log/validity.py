@@ -35,16 +35,11 @@ from seatrial.verification.mission_log.spread import (
 class ValiditySettings:
     """When a log refutes a model or leaves a doubt."""
 
-    #: Chance of any false alarm, over all channels.
-    level: float = 0.01
-    #: P-value below which a model is not called valid either.
-    doubt: float = 0.05
-    #: Fewer restarts than this tell nothing.
-    fewest_windows: int = 6
-    #: Draws of the offsets of the sensors: a tail of 5 % is then known to 0.5 %.
-    offset_draws: int = 2048
-    #: Samples of a channel that tell the share of a draw: neighbours say the same.
-    samples: int = 300
+    level: float = 0.01  #: Chance of any false alarm, over all channels.
+    doubt: float = 0.05  #: P-value below which a model is not called valid either.
+    fewest_windows: int = 6  #: Fewer restarts than this tell nothing.
+    offset_draws: int = 2048  #: Draws of the offsets of the sensors: a tail of 5 % is then known to 0.5 %.
+    samples: int = 300  #: Samples of a channel that tell the share of a draw: neighbours say the same.
 
 
 VALIDITY_SETTINGS = ValiditySettings()
@@ -181,19 +176,12 @@ def validity(
         c = CHANNELS.index(name)
         error = np.concatenate([e[m[:, c], c] for e, m in zip(log.residual, log.counted, strict=True)])
         band = np.concatenate([b[m[:, c], c] for b, m in zip(half, log.counted, strict=True)])
-        moved_by = _change_since_restart(log, c)
+        rms, spread_of, signal = (
+            float(np.sqrt(np.mean(part**2))) for part in (error, band, _change_since_restart(log, c))
+        )
         fails = bool(p < level and share > SPREAD_SETTINGS.least_share)
-        size = [float(np.sqrt(np.mean(one**2))) for one in (error, band, moved_by)]
         channels[name] = ChannelValidity(
-            name,
-            share,
-            samples,
-            effective,
-            float(p),
-            rms=size[0],
-            spread=size[1],
-            signal=size[2],
-            fails=fails,
+            name, share, samples, effective, float(p), rms, spread_of, signal, fails
         )
     return Validity(channels, log, half, spread, expected, moved.count if given else 0)
 
@@ -215,9 +203,9 @@ class _Moved:
         present = log.vehicle.coefficients()
         names = list(draws)
         self.log = log
-        self.count = (
-            len(draws[names[0]]) if names else (VALIDITY_SETTINGS.offset_draws if offsets.any() else 0)
-        )
+        self.count = VALIDITY_SETTINGS.offset_draws if offsets.any() else 0
+        if names:
+            self.count = len(draws[names[0]])
         self.slopes = log.slopes([{name: 1.0} for name in names]) if self.count else ()
         rng = np.random.default_rng(0)
         self.amounts = np.stack(
@@ -292,12 +280,9 @@ class ContradictionSettings:
     #: What an unknown lever arm of a sensor adds to a change by turning, m per rad. Like the leak so chosen
     #: that a hover vehicle that spun in a tank, its Doppler log beside its centre, contradicts nothing.
     arm_m: float = 1.0
-    #: Share of a rotation about the other axes that leaks into one, rad per rad.
-    leak: float = 0.1
-    #: Changes over their own noise from which a channel moves.
-    moving_ratio: float = 10.0
-    #: Correlation and slope below which two changes have little in common.
-    in_common: float = 0.5
+    leak: float = 0.1  #: Share of a rotation about the other axes that leaks into one, rad per rad.
+    moving_ratio: float = 10.0  #: Changes over their own noise from which a channel moves.
+    in_common: float = 0.5  #: Correlation and slope below which two changes have little in common.
 
 
 CONTRADICTION = ContradictionSettings()
@@ -358,7 +343,7 @@ def _contradiction(trial: Trial, channel: str, rates: tuple[str, ...]) -> Contra
         turned[begins + step] - turned[begins]
     )
     least = CONTRADICTION.moving_ratio * max(noise, drift)
-    bad = []
+    bad: list[tuple[int, float, float]] = []
     for first in range(0, len(begins) - CONTRADICTION.windows + 1, CONTRADICTION.windows // 2):
         rows = slice(first, first + CONTRADICTION.windows)
         if not whole[rows].all():
@@ -373,11 +358,8 @@ def _contradiction(trial: Trial, channel: str, rates: tuple[str, ...]) -> Contra
         along = common / max(spread) ** 2
         together = common / (spread[0] * spread[1]) if min(spread) > 0.0 else 0.0
         if along < CONTRADICTION.in_common and together < CONTRADICTION.in_common:
-            bad.append((
-                first,
-                common / spread[1] ** 2 if spread[1] > 0.0 else np.inf,
-                max(spread) / max(enough, 1e-12),
-            ))
+            slope = common / spread[1] ** 2 if spread[1] > 0.0 else np.inf
+            bad.append((first, slope, max(spread) / max(enough, 1e-12)))
     if not bad:
         return None
     last = min(bad[-1][0] + CONTRADICTION.windows - 1, len(begins) - 1)
@@ -396,9 +378,7 @@ def _implied_rate(trial: Trial, channel: str, rates: tuple[str, ...]) -> tuple[A
     """Rate of a channel (n,) by those whose integral it is, and where it is known (n,); SI."""
     angles = ("roll", "pitch", "yaw") if channel != "z" else ("roll", "pitch")
     needed = [CHANNELS.index(name) for name in (*rates, *(angles if len(rates) > 1 else ()))]
-    if len(rates) == 1:
-        # Rates of Euler angles need the other two; without them the motion is near to level.
-        needed = [CHANNELS.index(rates[0])]
+    # Rates of Euler angles need the other two; without them the motion is near to level.
     known = np.asarray(trial.valid[:, needed].all(axis=1))
     motion = np.where(np.isfinite(trial.observed), trial.observed, 0.0)
     u_v_w, p_q_r, euler = motion[:, :3], motion[:, 3:6], motion[:, 9:]

@@ -1,5 +1,7 @@
 """The verdict on a log: is the model still valid, what is suspected, and did the mission hold what it had to.
 
+Beside it stands the envelope of flights of the same mission (`mission_envelope`).
+
 A log on which nothing could have been noticed does not speak for the model: where a controlled axis is left
 unjudged, or the errors exceed what noise and stated intervals explain, the verdict is "not judged": exit code
 1, an outcome of its own in JSON, an error in JUnit. Held by ``test_recorded_verdict.py``,
@@ -39,7 +41,6 @@ if TYPE_CHECKING:
     from seatrial.verification.mission_log.validity import Contradiction
 
 ModelState = Literal["model still valid", "re-identify", "log too short or too quiet to tell", "not judged"]
-
 LogOutcome = Literal["held", "failed", "undecided", "not judged"]
 
 
