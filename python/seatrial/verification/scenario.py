@@ -138,8 +138,10 @@ def check_table(source: str, flights: CampaignFlights) -> list[Finding]:
     _check_water(source, table.current)
     if table.waves is not None:
         _check_waves(source, table.waves)
-    failures: tuple[tuple[str, Sequence[FaultTable | OutageTable]], ...]
-    failures = ("faults", table.faults), ("outages", table.outages)
+    failures: list[tuple[str, Sequence[FaultTable | OutageTable]]] = [
+        ("faults", table.faults),
+        ("outages", table.outages),
+    ]
     for name, entries in failures:
         for number, entry in enumerate(entries, 1):
             # Which of them it is, where there are several.
