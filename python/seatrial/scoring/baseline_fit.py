@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -80,18 +80,16 @@ def fit_baselines(
     "measured" and "tau" that every trial has by default. `free` and `measured` are letters of the axes that
     are predicted and of those replayed; `ahead_s` is the length of the windows of the fit.
     """
-    plain = Baselines((), np.full(6, np.nan), {}, None, vehicle, input, free, measured)
+    known = Baselines((), np.full(6, np.nan), {}, None, vehicle, input, free, measured)
     usable = [(trial, cut) for trial in trials if (cut := _spans(trial, ahead_s))]
     if not usable:
-        return plain
+        return known
     mean = np.full(6, np.nan)
     for i, channel in enumerate(VELOCITIES):
         values = [trial.observed[trial.valid[:, i], i] for trial, _ in usable if channel in trial.channels]
         if any(len(samples) for samples in values):
             mean[i] = np.concatenate(values).mean()
-    known = Baselines(
-        tuple(trial.name for trial, _ in usable), mean, {}, None, vehicle, input, free, measured
-    )
+    known = replace(known, trials=tuple(trial.name for trial, _ in usable), mean=mean)
     driven = [known.read(trial) for trial, _ in usable]
     spans = [own_spans for _, own_spans in usable]
     filtered: _Filtered = {}
@@ -100,9 +98,8 @@ def fit_baselines(
         for i in range(6)
         if AXES[i] in free and (response := _fit_first_order(i, driven, spans, filtered)) is not None
     }
-    known = Baselines(known.trials, mean, first_order, None, vehicle, input, free, measured)
-    linear = _fit_linear(known, driven, spans)
-    fitted = Baselines(known.trials, mean, first_order, linear, vehicle, input, free, measured)
+    known = replace(known, first_order=first_order)
+    fitted = replace(known, linear=_fit_linear(known, driven, spans))
     fitted.remember(driven)
     return fitted
 

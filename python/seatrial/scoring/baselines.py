@@ -26,15 +26,17 @@ and the period of waves as well as the vehicle. Held by ``tests/scoring/test_lin
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from seatrial._core import State
 from seatrial.base.arrays import Array, Mask
-from seatrial.base.channels import AXES, CHANNELS, VELOCITIES
+from seatrial.base.channels import CHANNELS, VELOCITIES
 from seatrial.base.errors import SeatrialError
-from seatrial.scoring.windows import Unpredictable, Window, channel_errors, judging
+from seatrial.base.frames import to_euler
+from seatrial.scoring.windows import Unpredictable, Window, axis_of, channel_errors, judging
 from seatrial.trial.trial import Input, Trial
 
 if TYPE_CHECKING:
@@ -176,7 +178,7 @@ class Baselines:
         The windows' simulated motion is not looked at. Channels that are velocities of a free axis count, on
         the axes that feedback does not dominate by `limits`.
         """
-        wanted = [c for c in channels if c in VELOCITIES and AXES[VELOCITIES.index(c)] in self.free]
+        wanted = [c for c in channels if c in VELOCITIES and axis_of(c) in self.free]
         parts = {id(window.trial): [w for w in judged if w.trial is window.trial] for window in judged}
         by_baseline: dict[str, dict[str, float]] = {}
         for name in self.names:
@@ -191,8 +193,6 @@ class Baselines:
 
     def to_dict(self) -> dict[str, object]:
         """Parameters of the baselines as plain data."""
-        from dataclasses import asdict
-
         linear = self.linear
         return {
             "trained_on": list(self.trials),
@@ -239,8 +239,6 @@ class Driven:
     @classmethod
     def of(cls, trial: Trial, known: Baselines) -> Driven:
         """The signals of a trial that baselines are driven by."""
-        from seatrial.base.frames import to_euler
-
         signals = _signals(trial, known) if known.trials else {}
         return cls(trial, signals, trial.smooth_nu(trial.t)[0], to_euler(trial.attitude)[:, :2])
 
@@ -270,8 +268,6 @@ def _signals(trial: Trial, known: Baselines) -> dict[str, Array]:
 
 def _wrench(trial: Trial, own: Mapping[str, Array], known: Baselines) -> Array | None:
     """Generalised force (n, 6) of the vehicle's actuators at the mean velocity; None where it is unknown."""
-    from seatrial._core import State
-
     if known.vehicle is None or not all(name in own for name in known.vehicle.actuators):
         return None
     held = State(nu=np.where(np.isfinite(known.mean), known.mean, 0.0))
@@ -297,7 +293,6 @@ def _predicted(known: Baselines, name: str, own: Driven, spans: Sequence[tuple[i
     """Windows of a baseline; channels that it does not predict are NaN."""
     trial = own.trial
     shown = [np.full((stop - start, len(CHANNELS)), np.nan) for start, stop in spans]
-    lengths = {stop - start for start, stop in spans}
     for channel, response in known.first_order.items() if name == "first order" else ():
         i = VELOCITIES.index(channel)
         s = own.named(response.signal) if response.signal else np.zeros(len(trial))
@@ -316,10 +311,11 @@ def _predicted(known: Baselines, name: str, own: Driven, spans: Sequence[tuple[i
         if driven is not None and all(name is not None for name in states):
             start_of = np.column_stack([name for name in states if name is not None])
             columns = [CHANNELS.index(name) for name in known.linear.states]
-            for length in lengths:
+            # Windows of one length are predicted side by side.
+            for length in {stop - start for start, stop in spans}:
                 chosen = [k for k, (start, stop) in enumerate(spans) if stop - start == length]
                 places = np.array([spans[k][0] for k in chosen])
-                e = np.stack([driven[p : p + length] for p in places], axis=1)
+                e = driven[places + np.arange(length)[:, None]]
                 tracks = known.linear.predicted(start_of[places], e, trial.dt)
                 for place, k in enumerate(chosen):
                     shown[k][:, columns] = tracks[:, place]

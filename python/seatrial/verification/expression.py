@@ -83,17 +83,15 @@ def unknown_metric(name: str, metrics: Iterable[str], words: Mapping[str, Iterab
 
 def _near(name: str, known: list[str]) -> list[str]:
     """The nearest known names, those with hardly another distance together, or those that hold the name."""
-    alike = {one: SequenceMatcher(None, name, one).ratio() for one in known}
-    close = get_close_matches(name, known, n=SETTINGS.most_offered)
+    most = SETTINGS.most_offered
+    close = get_close_matches(name, known, n=most)
+    alike = [SequenceMatcher(None, name, other).ratio() for other in close]
     nearest = [
-        close_name for close_name in close if alike[close_name] > alike[close[0]] - SETTINGS.likeness_margin
+        other
+        for other, ratio in zip(close, alike, strict=True)
+        if ratio > alike[0] - SETTINGS.likeness_margin
     ]
-    return (
-        nearest
-        or [known_name for known_name in known if len(name) > 1 and name in known_name][
-            : SETTINGS.most_offered
-        ]
-    )
+    return nearest or [other for other in known if len(name) > 1 and name in other][:most]
 
 
 def _without_words(text: str) -> str:

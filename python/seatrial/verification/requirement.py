@@ -29,6 +29,7 @@ import ast
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import reduce
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -142,8 +143,10 @@ class Requirement:
         """
         # Of a long campaign each column is read from a file: only those that are asked for.
         values = {name: np.asarray(metrics[name]) for name in (*self.metrics, COMPLETION) if name in metrics}
-        told = {name: Metric(_kind_of(array), _known(name)) for name, array in values.items()}
-        self.check({name: told.get(name, _ANY) for name in metrics})
+        known = {
+            name: Metric(_kind_of(array), KNOWN.get(name, _ANY).values) for name, array in values.items()
+        }
+        self.check({name: known.get(name, _ANY) for name in metrics})
         units = {unit_of(side) or "" for side in _sides(self._tree)}
         if COMPLETION in values and any(_of_completion(node) for node in ast.walk(self._tree)):
             units.add("")
@@ -163,10 +166,6 @@ _ANY = Metric("number", ())
 """A metric that is not asked for."""
 
 
-def _known(name: str) -> tuple[str, ...]:
-    return KNOWN[name].values if name in KNOWN else ()
-
-
 def _kind_of(array: Values) -> Any:
     if array.dtype == np.bool_:
         return "truth"
@@ -175,13 +174,12 @@ def _kind_of(array: Values) -> Any:
 
 def _sides(tree: ast.expr) -> list[ast.expr]:
     """Of every comparison of numbers, a side that names a metric."""
-    found = []
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Compare):
-            sides = [node.left, *node.comparators]
-            if not any(isinstance(side, ast.Constant) and isinstance(side.value, str) for side in sides):
-                found += [next((side for side in sides if unit_of(side) is not None), sides[0])]
-    return found
+    comparisons = [[node.left, *node.comparators] for node in ast.walk(tree) if isinstance(node, ast.Compare)]
+    return [
+        next((side for side in sides if unit_of(side) is not None), sides[0])
+        for sides in comparisons
+        if not any(isinstance(side, ast.Constant) and isinstance(side.value, str) for side in sides)
+    ]
 
 
 def _judged(node: ast.expr, metrics: Mapping[str, Values], mixed: bool) -> tuple[Array, Array]:
@@ -204,9 +202,7 @@ def _judged(node: ast.expr, metrics: Mapping[str, Values], mixed: bool) -> tuple
 def _joined(op: ast.boolop, parts: list[tuple[Array, Array]]) -> tuple[Array, Array]:
     truths, reserves = zip(*(np.broadcast_arrays(*part) for part in parts), strict=True)
     pick, among = (np.minimum, np.fmin) if isinstance(op, ast.And) else (np.maximum, np.fmax)
-    truth, reserve = truths[0], reserves[0]
-    for other, distance in zip(truths[1:], reserves[1:], strict=True):
-        truth, reserve = pick(truth, other), among(reserve, distance)
+    truth, reserve = reduce(pick, truths), reduce(among, reserves)
     return truth, np.where(truth == 0.0, np.nan, reserve)
 
 
@@ -276,8 +272,10 @@ def _value(node: ast.expr, metrics: Mapping[str, Values]) -> Values:
         case ast.BinOp(left=left, op=op, right=right):
             return np.asarray(_SUMS[type(op)](_value(left, metrics), _value(right, metrics)))
         case ast.Call(func=ast.Name(id=name), args=args):
-            found = [_value(argument, metrics) for argument in args]
-            return np.asarray(_FUNCTIONS[name](*found) if len(found) == 1 else _folded(name, found))
+            first, *others = [_value(argument, metrics) for argument in args]
+            if not others:
+                return np.asarray(_FUNCTIONS[name](first))
+            return np.asarray(reduce(_FUNCTIONS[name], others, first))
     raise AssertionError(ast.dump(node))  # `check` lets nothing else through
 
 
@@ -303,13 +301,6 @@ def _constant(node: ast.AST) -> float | None:
         return None
     with np.errstate(all="ignore"):
         return float(_value(node, {}))
-
-
-def _folded(name: str, values: list[Values]) -> Values:
-    result = values[0]
-    for value in values[1:]:
-        result = _FUNCTIONS[name](result, value)
-    return result
 
 
 _SUMS = {ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide, ast.Pow: np.power}

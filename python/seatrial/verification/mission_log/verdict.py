@@ -11,7 +11,7 @@ unjudged, or the errors exceed what noise and stated intervals explain, the verd
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -27,6 +27,9 @@ from seatrial.base.plain import Plain
 from seatrial.base.report import Reported, writer_of
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
 from seatrial.base.work import Clock
+from seatrial.flight.conditions import Conditions, Water
+from seatrial.flight.fly import fly_batch
+from seatrial.flight.metrics import CODED, metrics_of
 from seatrial.verification.mission_log.log import SETTINGS, errors_of_guidance
 from seatrial.verification.mission_log.power import Power
 from seatrial.verification.mission_log.validity import Validity
@@ -283,7 +286,6 @@ def mission_envelope(
     seed: int = 0,
     sensors: Any = None,
     current: ArrayLike | None = None,
-    voltage_v: float | None = None,
 ) -> Envelope:
     """Envelope of a mission with the log in it.
 
@@ -293,13 +295,9 @@ def mission_envelope(
 
     `fitted`: the vehicle and how well it is known. `mission`: what was flown. `flights`: how many flights, at
     least 39; of some more, a few may end before the log does. `sensors`: as for `seatrial.fly`. `current`:
-    north, east, down, m/s; the mean of the recorded one when omitted. `voltage_v`: supply, V; the mean of the
-    recorded one when omitted. Raises SimulationError: too few flights, or too many of them diverged.
+    north, east, down, m/s; the mean of the recorded one when omitted, as always of the supply. Raises
+    SimulationError: too few flights, or too many of them diverged.
     """
-    from seatrial.flight.conditions import Conditions, Water
-    from seatrial.flight.fly import fly_batch
-    from seatrial.flight.metrics import CODED, metrics_of
-
     if flights < SETTINGS.fewest_flights:
         raise SimulationError(
             f"flights: expected at least {SETTINGS.fewest_flights} for a band of 95 %, found {flights};"
@@ -308,8 +306,7 @@ def mission_envelope(
     trial = log.trial
     if current is None:
         current = np.zeros(3) if trial.current is None else np.nanmean(trial.current, axis=0)
-    if voltage_v is None and trial.voltage_v is not None:
-        voltage_v = float(np.nanmean(trial.voltage_v))
+    voltage_v = None if trial.voltage_v is None else float(np.nanmean(trial.voltage_v))
     first = int(np.flatnonzero(trial.startable)[0]) if trial.startable.any() else 0
     drawn = fitted.draws(flights, seed) if fitted.names else None
     flown = fly_batch(
@@ -337,10 +334,11 @@ def mission_envelope(
         lower, middle, upper = np.full((3, len(t)), np.nan)
         if enough.any():
             lower[enough], middle[enough], upper[enough] = prediction_band(stack[:, enough])
-        band = Band(lower, middle, upper, recorded[name], 0.0)
+        band = Band(lower, middle, upper, recorded[name], float("nan"))
         seen = np.isfinite(lower) & np.isfinite(band.log)
-        share = float(band.is_outside[seen].mean()) if seen.any() else float("nan")
-        bands[name] = Band(lower, middle, upper, band.log, share)
+        if seen.any():
+            band = replace(band, outside=float(band.is_outside[seen].mean()))
+        bands[name] = band
     if not any(np.isfinite(band.middle).any() for band in bands.values()):
         raise SimulationError(
             f"{fitted.vehicle.name}: fewer than {SETTINGS.fewest_flights} of {flights} flights of"
