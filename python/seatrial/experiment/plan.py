@@ -519,30 +519,35 @@ class Plan(RunResult, Plain, without="facts model", also="score_after"):
         """
         manoeuvre, seen = ranked.manoeuvre, ranked.forecast
         depth = f"{seen.start_depth_m:.1f} m deep or deeper"
-        lines = [
-            f"# Trial {trial} of {len(self.sequence)} for {self.vehicle}. Depths are those of O.",
-            f"name = {_text(manoeuvre.name)}",
-            f"vehicle = {_text(self.vehicle)}",
-            f"commands = {_text(commands)}",
-            f"what = {_text(manoeuvre.words)}",
-            f"start = {_text(f'{manoeuvre.start.words}, {depth}')}",
-            f"duration_s = {manoeuvre.duration_s:.1f}",
-            f"repeats = {ranked.repeats}",
-            f"pause_s = {manoeuvre.pause_s:.1f} # between repeats",
-            f"area_m = [{seen.along_m:.0f}, {seen.across_m:.0f}] # along the course at the start, across it",
-            f"start_depth_m = {seen.start_depth_m:.1f}",
-            f"deepest_m = {seen.deepest_m:.1f}",
-            f"largest_roll_deg = {seen.roll_deg:.0f}",
-            f"largest_pitch_deg = {seen.pitch_deg:.0f}",
-            f"top_speed_m_s = {seen.speed_m_s:.2f}",
-            f"warnings = [{', '.join(_text(warning) for warning in seen.warnings)}]",
-            "",
-            "# Standard deviations before and after this trial, in per cent of the coefficient's value;",
-            "# where that is about zero, in its unit.",
-            "[tells]",
-        ]
+        entries = {
+            "name": _text(manoeuvre.name),
+            "vehicle": _text(self.vehicle),
+            "commands": _text(commands),
+            "what": _text(manoeuvre.words),
+            "start": _text(f"{manoeuvre.start.words}, {depth}"),
+            "duration_s": f"{manoeuvre.duration_s:.1f}",
+            "repeats": ranked.repeats,
+            "pause_s": f"{manoeuvre.pause_s:.1f} {_BETWEEN}",
+            "area_m": f"[{seen.along_m:.0f}, {seen.across_m:.0f}] {_AREA}",
+            "start_depth_m": f"{seen.start_depth_m:.1f}",
+            "deepest_m": f"{seen.deepest_m:.1f}",
+            "largest_roll_deg": f"{seen.roll_deg:.0f}",
+            "largest_pitch_deg": f"{seen.pitch_deg:.0f}",
+            "top_speed_m_s": f"{seen.speed_m_s:.2f}",
+            "warnings": f"[{', '.join(_text(warning) for warning in seen.warnings)}]",
+        }
+        head = f"# Trial {trial} of {len(self.sequence)} for {self.vehicle}. Depths are those of O."
+        lines = [head, *(f"{key} = {value}" for key, value in entries.items()), "", *_TELLS]
         lines += [_tells(change) for change in ranked.gains[:8]]  # those that it tells most of
         return "\n".join(lines) + "\n"
+
+
+_BETWEEN, _AREA = "# between repeats", "# along the course at the start, across it"
+_TELLS = (
+    "# Standard deviations before and after this trial, in per cent of the coefficient's value;",
+    "# where that is about zero, in its unit.",
+    "[tells]",
+)
 
 
 def _tells(change: Change) -> str:

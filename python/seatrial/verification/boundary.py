@@ -230,16 +230,11 @@ class BoundarySurvey:
         values = ", ".join(f"{v.name} {v.low:g} {v.high:g}" for v in self.variables)
         holds = ", ".join(requirement.holds for requirement in self.requirements)
         shared = Shared((flights, self.variables, tuple(self.requirements), self.runs))
-        chunks = [
-            Chunk(
-                f"boundary, place {number}",
-                sha256(f"{flights.digest} {values} {holds} {place.tolist()} {self.runs}"),
-                boundary_failures,
-                shared,
-                (number, place, self.threads),
-            )
-            for number, place in enumerate(places, len(self.x))
-        ]
+        chunks = []
+        for number, place in enumerate(places, len(self.x)):
+            what = f"boundary, place {number}"
+            digest = sha256(f"{flights.digest} {values} {holds} {place.tolist()} {self.runs}")
+            chunks.append(Chunk(what, digest, boundary_failures, shared, (number, place, self.threads)))
         for done in run_chunks(chunks, self.run, _FORMAT, fleet=self.fleet):
             yield done.chunk.arguments[1], done.value
 

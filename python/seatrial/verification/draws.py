@@ -203,7 +203,7 @@ _COMMON, _FAULTS, _OUTAGES = 2, 3, 4  # streams; 1 is that of the coefficients
 
 _ORDER = (
     "mission", "seed", "speed", "direction", "vertical", "turbulence", "north", "east", "depth", "heading",
-    "ahead", "wave height", "wave period", "wave direction",
+    "ahead", "height", "period", "toward",
 )  # fmt: skip # columns of the common stream; more go behind
 
 _SEEDS = 2.0**53  # whole numbers that a float holds
@@ -332,14 +332,14 @@ def _water(table: VerificationTable, missions: Sequence[Mission], u: dict[str, A
 def _waves(asked: Waves | None, u: dict[str, Array]) -> Array:
     """Sea states (k, 5), SI and rad; a period is no shorter than a sea of its height has."""
     if asked is None:
-        return np.tile(CALM, (len(u["wave height"]), 1))
-    height = np.minimum(asked.height_m.quantiles(u["wave height"], above_zero=True), LIMITS["height_m"][1])
+        return np.tile(CALM, (len(u["height"]), 1))
+    height = np.minimum(asked.height_m.quantiles(u["height"], above_zero=True), LIMITS["height_m"][1])
     period = (
         4.3 * np.sqrt(height)  # s per root of a metre, between 3.6 and 5 of DNV-RP-C205 (2010), section 3.5.5
         if asked.period_s is None
-        else asked.period_s.quantiles(u["wave period"], above_zero=True)
+        else asked.period_s.quantiles(u["period"], above_zero=True)
     )
-    toward = np.radians(asked.toward_deg.quantiles(u["wave direction"]))
+    toward = np.radians(asked.toward_deg.quantiles(u["toward"]))
     spreading = np.full(len(height), math.radians(asked.spreading_deg))
     peakedness = np.full(len(height), asked.peakedness)
     least, most, _ = LIMITS["period_s"]

@@ -122,10 +122,10 @@ class Suspect(Plain, only="name kind change values units sigma gain left p sigma
 class Candidate:
     """Something that may have changed.
 
-    `name`: a coefficient, or what the group stands for. `kind`: "coefficient", "group" or "surroundings".
+    `name`: a coefficient, or what the group stands for. `kind`: as of `Suspect`.
     `units`: unit of every unknown. `scale`: a natural size of every unknown, (d,). `changes`: coefficients
     {name: value} of the vehicle for values (d,) of the unknowns; the present ones for zero. `finding`: what
-    changed, for values (d,) of the unknowns. `coefficients`: names of the coefficients that it moves.
+    changed, for values (d,) of the unknowns.
     """
 
     name: str
@@ -134,7 +134,6 @@ class Candidate:
     scale: Array
     changes: Callable[[Array], dict[str, float]]
     finding: Callable[[Array], Finding]
-    coefficients: tuple[str, ...]
 
     def directions(self) -> list[dict[str, float]]:
         """Changes of the coefficients with one unit of each unknown, to first order."""
@@ -233,20 +232,14 @@ def payload(vehicle: Vehicle, *, density: float = SUSPECT_SETTINGS.payload_densi
         new |= {name: values["m"] * values[name] / m for name in ("y_g", "z_g")}
         return new | {name: values["B"] * values[name] / b for name in ("y_b", "z_b")}
 
-    def found(theta: Array) -> Finding:
-        return changed("payload", wet_kg=float(theta[0]), moment_kg_m=float(theta[1]))
-
     length = max(float(np.sqrt(12.0 * values["I_y"] / values["m"])), 0.1)
     scale = 0.01 * values["m"] * np.array([1.0, 0.25 * length])
-    return Candidate(
-        "payload (m, B, x_g, x_b, I_y, I_z together)",
-        "group",
-        ("kg in water", "kg m"),
-        scale,
-        changes,
-        found,
-        ("m", "B", "x_g", "x_b", "I_y", "I_z"),
-    )
+    name, units = "payload (m, B, x_g, x_b, I_y, I_z together)", ("kg in water", "kg m")
+
+    def finding(theta: Array) -> Finding:
+        return changed("payload", wet_kg=float(theta[0]), moment_kg_m=float(theta[1]))
+
+    return Candidate(name, "group", units, scale, changes, finding)
 
 
 def _entrained(vehicle: Vehicle) -> Candidate:
@@ -256,15 +249,12 @@ def _entrained(vehicle: Vehicle) -> Candidate:
     def changes(theta: Array) -> dict[str, float]:
         return {"m": values["m"] + float(theta[0]), "B": values["B"] + g * float(theta[0])}
 
-    return Candidate(
-        "neutral mass (m, B together)",
-        "group",
-        ("kg",),
-        np.array([0.05 * values["m"]]),
-        changes,
-        lambda theta: changed("neutral mass", mass_kg=float(theta[0])),
-        ("m", "B"),
-    )
+    name, scale = "neutral mass (m, B together)", np.array([0.05 * values["m"]])
+
+    def finding(theta: Array) -> Finding:
+        return changed("neutral mass", mass_kg=float(theta[0]))
+
+    return Candidate(name, "group", ("kg",), scale, changes, finding)
 
 
 def _single(name: str, value: float, unit: str, values: Mapping[str, float]) -> Candidate:
@@ -279,7 +269,6 @@ def _single(name: str, value: float, unit: str, values: Mapping[str, float]) -> 
         np.array([0.1 * size]),
         lambda theta: {name: value + float(theta[0])},
         lambda theta: changed("coefficient", name, present=value, change=float(theta[0]), unit=unit),
-        (name,),
     )
 
 
@@ -289,15 +278,10 @@ def _factor(name: str, members: Sequence[str], values: Mapping[str, float]) -> C
     def changes(theta: Array) -> dict[str, float]:
         return {member: (1.0 + float(theta[0])) * values[member] for member in members}
 
-    return Candidate(
-        name,
-        "group",
-        ("1",),
-        np.array([0.1]),
-        changes,
-        lambda theta: changed("factor", name.partition(" (")[0], factor=1.0 + float(theta[0])),
-        tuple(members),
-    )
+    def finding(theta: Array) -> Finding:
+        return changed("factor", name.partition(" (")[0], factor=1.0 + float(theta[0]))
+
+    return Candidate(name, "group", ("1",), np.array([0.1]), changes, finding)
 
 
 def changed(kind: str, subject: str = "", **values: Any) -> Finding:
@@ -466,29 +450,21 @@ def suspects(
 
 def _unlogged_current() -> Candidate:
     """A steady current, m/s."""
-    return Candidate(
-        "current",
-        "surroundings",
-        ("m/s", "m/s"),
-        np.ones(2),
-        lambda theta: {},
-        lambda theta: changed("current", north_m_s=float(theta[0]), east_m_s=float(theta[1])),
-        (),
-    )
+
+    def finding(theta: Array) -> Finding:
+        return changed("current", north_m_s=float(theta[0]), east_m_s=float(theta[1]))
+
+    return Candidate("current", "surroundings", ("m/s", "m/s"), np.ones(2), lambda theta: {}, finding)
 
 
 def _sensor_offset(channel: str) -> Candidate:
     """An offset that a sensor has throughout the log, SI."""
     unit = "rad" if channel in ("roll", "pitch", "yaw") else "rad/s" if channel in ("p", "q", "r") else "m/s"
-    return Candidate(
-        f"offset of {channel}",
-        "sensor",
-        (unit,),
-        np.ones(1),
-        lambda theta: {},
-        lambda theta: changed("sensor offset", channel, offset=float(theta[0])),
-        (),
-    )
+
+    def finding(theta: Array) -> Finding:
+        return changed("sensor offset", channel, offset=float(theta[0]))
+
+    return Candidate(f"offset of {channel}", "sensor", (unit,), np.ones(1), lambda theta: {}, finding)
 
 
 def _unlogged_thrusts(
@@ -525,10 +501,11 @@ def _unlogged_thrusts(
         least = SUSPECT_SETTINGS.alike_share * gain
         near = [(gains[j], other) for j, other in enumerate(names) if j != k and gains[j] > least]
         mean, rms = float(thrust.mean()), float(np.sqrt(np.mean(thrust**2)))
+        finding = changed("unlogged thrust", name, rms_n=rms, mean_n=mean)
         suspect = Suspect(
             name=name,
             kind="actuator",
-            finding=changed("unlogged thrust", name, rms_n=rms, mean_n=mean),
+            finding=finding,
             values=(mean,),
             units=("N",),
             sigma=(float(thrust.std(ddof=1)) / windows**0.5,),

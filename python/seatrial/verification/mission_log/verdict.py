@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -189,8 +189,9 @@ def _facts(found: LogVerdict, problem: Problem | None, source: str | Path) -> di
     hashes |= {name: sha256(text) for name, text in _inputs(found, problem).items()}
     if (log := _file(source)) is not None:
         hashes["log"] = sha256(log.read_bytes())
+    kind: Final = "log verdict"
     return run_facts(
-        "log verdict",
+        kind,
         found.log.trial.name if problem is None else problem.name,
         clock=found.clock,
         inputs=hashes,
