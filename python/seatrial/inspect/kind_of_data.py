@@ -277,17 +277,19 @@ def saturation(trial: Trial, vehicle: Vehicle | None = None) -> list[Saturation]
         low, high = float(y.min()), float(y.max())
         if name not in facts or len(np.unique(y)) < SETTINGS.fewest_levels:
             continue
-        actuator = facts[name]
-        both = (
-            actuator["neutral"] - actuator["maximum_astern"],
-            actuator["neutral"] + actuator["maximum_ahead"],
-        )
-        for limit in (limit for limit in both if np.isfinite(limit) and limit != actuator["neutral"]):
+        both, neutral = _limits(facts[name]), facts[name]["neutral"]
+        for limit in (limit for limit in both if np.isfinite(limit) and limit != neutral):
             margin = SETTINGS.at_limit_share * max(high - low, abs(limit) * 1e-6)
             beyond = y >= limit - margin if limit > 0.5 * (low + high) else y <= limit + margin
             if (share := float(beyond.mean())) > SETTINGS.saturated_share:
                 at_limit.append(Saturation(name, limit, share))
     return at_limit
+
+
+def _limits(actuator: Mapping[str, Any]) -> tuple[float, float]:
+    """Lowest and highest command of an actuator, in its unit."""
+    neutral = actuator["neutral"]
+    return neutral - actuator["maximum_astern"], neutral + actuator["maximum_ahead"]
 
 
 def excesses(trial: Trial, vehicle: Vehicle | None = None) -> list[Excess]:
@@ -299,18 +301,10 @@ def excesses(trial: Trial, vehicle: Vehicle | None = None) -> list[Excess]:
     for name, y in trial.commands.items():
         if name not in facts:
             continue
-        actuator = facts[name]
-        low, high = (
-            actuator["neutral"] - actuator["maximum_astern"],
-            actuator["neutral"] + actuator["maximum_ahead"],
-        )
+        low, high = _limits(facts[name])
         for limit, over in ((high, y - high), (low, low - y)):
-            share = (
-                float((over > SETTINGS.excess_share * (high - low)).mean())
-                if np.isfinite(high - low)
-                else 0.0
-            )
-            if share > SETTINGS.seldom_share:
+            share = float((over > SETTINGS.excess_share * (high - low)).mean())
+            if np.isfinite(high - low) and share > SETTINGS.seldom_share:
                 beyond.append(Excess(name, float(y[int(over.argmax())]), float(limit), share))
     return beyond
 

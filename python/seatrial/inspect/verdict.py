@@ -208,6 +208,7 @@ def untold(names: Iterable[str], verdicts: Mapping[str, Verdict], vehicle: Vehic
     dominated = [axis for axis, verdict in verdicts.items() if verdict.dominated]
     actuators = {member: group for group, own in actuator_groups(vehicle).items() for member in own}
     lost: dict[str, list[str]] = {}
+    heaves = "Z" in verdicts and math.isfinite(verdicts["Z"].wave_period_s)  # in waves
     for name in names if dominated else ():
         owner, dot, _ = name.partition(".")
         if dot:
@@ -219,7 +220,7 @@ def untold(names: Iterable[str], verdicts: Mapping[str, Verdict], vehicle: Vehic
                 if owner in (actuator, actuators[actuator])
             }
         else:
-            drives = {"Z"} if name == "B" and _in_waves(verdicts.get("Z")) else {name[0]}
+            drives = {"Z"} if name == "B" and heaves else {name[0]}
             if name in _DRAG and name[0] in verdicts and verdicts[name[0]].under_way:
                 continue
         if drives and drives <= set(dominated):
@@ -250,10 +251,6 @@ def pushed_by(vehicle: Vehicle) -> dict[str, dict[str, float]]:
                     float(wrench[index]) / push.step
                 )
     return {a: {name: float(np.mean(s)) for name, s in slopes[a].items()} for a in AXES if a in slopes}
-
-
-def _in_waves(verdict: Verdict | None) -> bool:
-    return verdict is not None and math.isfinite(verdict.wave_period_s)
 
 
 def _order(verdict: Verdict) -> int:

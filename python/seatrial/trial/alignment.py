@@ -23,7 +23,7 @@ import numpy as np
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import ANGLES, unit_factor
 from seatrial.trial.attitude import AttitudeConvention, attitude_convention
-from seatrial.trial.columns import GROUPS, Group, Source
+from seatrial.trial.columns import GROUPS, Source
 from seatrial.trial.corrections import Corrections
 from seatrial.trial.kinematic_axes import (
     UNITS,
@@ -398,7 +398,7 @@ def _say_scale(
     for column in columns:
         source = sources[column]
         # A unit explains the scale if the sensor would agree with the pose in it.
-        stated = _size_of_unit(source.unit, group)
+        stated = unit_factor(source.unit, (group.unit,), group.name) if source.unit else group.factor
         likely = [
             unit for unit, size in units.items() if abs(scale * size / stated - 1.0) < SETTINGS.unit_tolerance
         ]
@@ -444,11 +444,6 @@ def _report_scale_of_depth(
     if abs(correlation[0, 0]) > SETTINGS.least_correlation:
         sizes = float(shown[known].std()), float(rate[known].std())
         _say_scale(signals["velocity"], signals["velocity"].channels, *sizes, "depth", report, sources)
-
-
-def _size_of_unit(unit: str | None, group: Group) -> float:
-    """SI value of one unit of a column: the stated one, or that of the canonical name."""
-    return unit_factor(unit, (group.unit,), group.name) if unit else group.factor
 
 
 def _same_signs(

@@ -181,6 +181,11 @@ class _Told:
         """What the sensor shows about its slow offsets, (n, k)."""
         return band(self.shown, self.good, self.grid)
 
+    @cached_property
+    def velocity(self) -> Array:
+        """Body velocity (n, 3) on the grid, m/s."""
+        return np.stack([self.channels.at(name, self.grid.t, {}) for name in "uvw"], axis=1)
+
     def share(self, convention: AttitudeConvention) -> float:
         """Share of what the sensor shows that the attitude in this convention explains, with its sign."""
         from scipy.fft import irfft, next_fast_len, rfft
@@ -189,7 +194,7 @@ class _Told:
         if self.of == "gyro":
             implied = self.grid.low(rotation_rates(q, self.grid), differenced=True)
         else:
-            implied = self.grid.low(np.einsum("nij,nj->ni", matrix(q), _velocity(self.channels, self.grid)))
+            implied = self.grid.low(np.einsum("nij,nj->ni", matrix(q), self.velocity))
         implied = implied[:, self.used]
         a, b = band(implied, self.good, self.grid), self.changes
         # All axes in one sum and with their signs: an exchange or a reversal of one of them does not count.
@@ -247,10 +252,6 @@ def _moving(shown: Array, known: Mask, grid: Grid) -> float:
     """Root mean square of the changes of all axes together."""
     changes = band(shown, known, grid)[known]
     return float(np.sqrt(np.mean(np.sum(changes**2, axis=1)))) if len(changes) else 0.0
-
-
-def _velocity(channels: Channels, grid: Grid) -> Array:
-    return np.stack([channels.at(name, grid.t, {}) for name in "uvw"], axis=1)
 
 
 def _axes_moving(channels: Channels) -> int:

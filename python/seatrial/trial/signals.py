@@ -88,7 +88,7 @@ LEVELS = {Severity.NOTE: "info", Severity.WEAKNESS: "warning", Severity.PROBLEM:
 
 
 @dataclass(frozen=True)
-class RecordingFinding(Finding):
+class RecordingFinding(Plain, Finding, only="severity=level channel=subject message count kind"):
     """One fact about a channel of a recording, its `subject`; `count` samples or events show it.
 
     Its words are those of `seatrial.report.results.trial_findings`.
@@ -115,16 +115,6 @@ class RecordingFinding(Finding):
 
     def __str__(self) -> str:
         return f"{self.level:<8} {self.line}"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Level, channel, message, count and kind as plain data for JSON."""
-        return {
-            "severity": self.level,
-            "channel": self.subject,
-            "message": self.message,
-            "count": self.count,
-            "kind": self.kind,
-        }
 
 
 @dataclass
