@@ -212,6 +212,7 @@ def _combinations(vehicle: Vehicle, matrix: Array) -> tuple[Combination, ...]:
     rows = [row for row in AXES if row in (vehicle.controllable or commanded_rows(vehicle))]
     if matrix.shape[1] == 0 or not rows:
         return ()
+    # Moments in the unit of forces: by half the hull as lever.
     lever = max(0.5 * vehicle.geometry().get("length", 2.0), 1e-6)
     scale = np.array([1.0, 1.0, 1.0, lever, lever, lever])
     scaled = matrix / scale[:, None]
@@ -222,6 +223,7 @@ def _combinations(vehicle: Vehicle, matrix: Array) -> tuple[Combination, ...]:
     fins = np.array([facts[name]["kind"] == "fin" for name in vehicle.actuators])
     chosen: list[Combination] = []
     for group, members in [*(groups if len(groups) > 1 else []), everything]:
+        # The purest pattern of a group first; one that is nearly parallel to it is the same trial.
         accepted: list[Array] = []
         tried = [_pattern(scaled, rows, members, axis) for axis in rows]
         for purity, axis, pattern in sorted(tried, key=lambda entry: (-entry[0], AXES.index(entry[1]))):

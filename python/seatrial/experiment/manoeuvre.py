@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -215,6 +216,7 @@ def free_decay(
     if axis not in "KMZ":
         raise VehicleError(f"free decay: expected axis K (roll), M (pitch) or Z (heave), found {axis!r}")
     t = times(duration_s)
+    # The speed at the start is the one that the thrust comes to.
     held = np.zeros(len(thrusters.names)) if ahead is None else thrusters.ahead(ahead) + thrusters.trim()
     surge = 0.0 if ahead is None else steady_speed(thrusters, held)
     motors = "motors stopped" if ahead is None else f"{ahead} ahead, {surge:.1f} m/s"
@@ -278,13 +280,8 @@ def staircase(
         name += ", ahead and astern" if both else ", ahead"
     senses = "in both senses" if both else "ahead"
     words = f"{combination.motion} in four steps to {100 * amplitude:.0f} % of the thrust, {senses}"
-    return _manoeuvre(
-        thrusters,
-        ("staircase", name, words),
-        [(combination, lambda t, span: staircase_levels(t, span, both=both))],
-        duration_s=duration_s,
-        amplitude=amplitude,
-    )
+    parts = [(combination, partial(staircase_levels, both=both))]
+    return _manoeuvre(thrusters, ("staircase", name, words), parts, duration_s, amplitude)
 
 
 def coast_down(
@@ -297,13 +294,8 @@ def coast_down(
         f"{combination.motion} driven with {100 * amplitude:.0f} % and half of that, coasting"
         " to a stop after each"
     )
-    return _manoeuvre(
-        thrusters,
-        ("coast-down", name, words),
-        [(combination, lambda t, span: coast_down_levels(t, span, both=both))],
-        duration_s=duration_s,
-        amplitude=amplitude,
-    )
+    parts = [(combination, partial(coast_down_levels, both=both))]
+    return _manoeuvre(thrusters, ("coast-down", name, words), parts, duration_s, amplitude)
 
 
 def zigzag(
@@ -321,14 +313,8 @@ def zigzag(
         f"{ahead} ahead; {combination.motion} to both sides in turn with {100 * amplitude:.0f} % of"
         f" {_left(combination)}, switched every {switch_s:g} s"
     )
-    return _manoeuvre(
-        thrusters,
-        ("zigzag", name, words),
-        [(combination, lambda t, span: zigzag_levels(t, span, switch_s=switch_s))],
-        duration_s=duration_s,
-        amplitude=amplitude,
-        ahead=ahead,
-    )
+    parts = [(combination, partial(zigzag_levels, switch_s=switch_s))]
+    return _manoeuvre(thrusters, ("zigzag", name, words), parts, duration_s, amplitude, ahead)
 
 
 def spiral(
@@ -345,14 +331,8 @@ def spiral(
         f"{ahead} ahead; {combination.motion} in three steps to {100 * amplitude:.0f} % of"
         f" {_left(combination)}, to starboard and then to port"
     )
-    return _manoeuvre(
-        thrusters,
-        ("spiral", name, words),
-        [(combination, spiral_levels)],
-        duration_s=duration_s,
-        amplitude=amplitude,
-        ahead=ahead,
-    )
+    parts = [(combination, spiral_levels)]
+    return _manoeuvre(thrusters, ("spiral", name, words), parts, duration_s, amplitude, ahead)
 
 
 def dive(
@@ -371,14 +351,8 @@ def dive(
         f"{way}; {combination.motion} down and up in turn with {100 * amplitude:.0f} % of"
         f" {_left(combination)}, switched every {switch_s:g} s"
     )
-    return _manoeuvre(
-        thrusters,
-        ("dive", name, words),
-        [(combination, lambda t, span: zigzag_levels(t, span, switch_s=switch_s))],
-        duration_s=duration_s,
-        amplitude=amplitude,
-        ahead=ahead,
-    )
+    parts = [(combination, partial(zigzag_levels, switch_s=switch_s))]
+    return _manoeuvre(thrusters, ("dive", name, words), parts, duration_s, amplitude, ahead)
 
 
 def multisine(
@@ -391,10 +365,7 @@ def multisine(
     band_hz: tuple[float, float] = (0.02, 0.25),
 ) -> Manoeuvre:
     """Sums of sines with low crest on one combination or several at once, each with its own frequencies."""
-
-    def part(index: int) -> Level:
-        return lambda t, span: multisine_levels(t, span, band_hz=band_hz, of=len(combinations), index=index)
-
+    signal = partial(multisine_levels, band_hz=band_hz, of=len(combinations))
     which = _called(thrusters, combinations[0]) if len(combinations) == 1 else "all axes"
     way = f", {ahead} ahead" if ahead else ""
     begun = f"{ahead} ahead; " if ahead else ""
@@ -405,21 +376,14 @@ def multisine(
         f"{begun}{spoken} excited from {band_hz[0]:g} to {band_hz[1]:g} Hz with"
         f" {100 * amplitude:.0f} % of {_all(combinations)}"
     )
-    return _manoeuvre(
-        thrusters,
-        ("multisine", name, words),
-        [(combination, part(index)) for index, combination in enumerate(combinations)],
-        duration_s=duration_s,
-        amplitude=amplitude,
-        ahead=ahead,
-    )
+    parts = [(combination, partial(signal, index=k)) for k, combination in enumerate(combinations)]
+    return _manoeuvre(thrusters, ("multisine", name, words), parts, duration_s, amplitude, ahead)
 
 
 def _manoeuvre(
     thrusters: Thrusters,
     called: tuple[Kind, str, str],
     parts: Sequence[tuple[Combination, Level]],
-    *,
     duration_s: float,
     amplitude: float,
     ahead: str | None = None,

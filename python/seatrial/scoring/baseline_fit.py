@@ -90,6 +90,7 @@ def fit_baselines(
         if any(len(samples) for samples in values):
             mean[i] = np.concatenate(values).mean()
     known = replace(known, trials=tuple(trial.name for trial, _ in usable), mean=mean)
+    # Forces are taken at the mean velocity, and the linear model's dead time from the first-order responses.
     driven = [known.read(trial) for trial, _ in usable]
     spans = [own_spans for _, own_spans in usable]
     filtered: _Filtered = {}

@@ -377,6 +377,7 @@ def predicted_from_past(
     predicted = [np.full((len(trial), len(channels)), np.nan) for trial in trials]
     if usable.sum() < SETTINGS.fewest_samples * x.shape[1]:
         return predicted
+    # Ridge regression on standardised signals, channel by channel; what stands still tells nothing.
     mean, spread = x[usable].mean(axis=0), x[usable].std(axis=0)
     moving = spread > 0.0
     x = (x[:, moving] - mean[moving]) / spread[moving]

@@ -287,6 +287,7 @@ def score(
         raise TrialError(f"score: ahead_s: expected a positive time in s, found {ahead_s!r}")
     ahead = np.inf if free_run else float(ahead_s)
     names = _scored(trials, channels)
+    # The windows of all trials, simulated or read from a table.
     simulated: list[Window] = []
     shifted = skipped = 0
     for each in trials:
@@ -308,6 +309,7 @@ def score(
     if isinstance(vehicle, Predictions):
         predicted = [name for name in names if name in vehicle.channels]
         result = result.only(covered(result.windows, predicted), predicted, vehicle.source)
+    # What anybody could predict without a model, on the same windows.
     if training is None:
         return result
     if not isinstance(training, Baselines):

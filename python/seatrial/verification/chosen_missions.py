@@ -303,6 +303,7 @@ def case_text(name: str, requirement: str, drawn: Draws, flights: CampaignFlight
     table["position_m"] = drawn.position[0].tolist()
     table["attitude_deg"] = np.degrees(drawn.attitude[0]).tolist()
     table["velocity"] = drawn.nu[0].tolist()
+    # Coefficients and offsets stand there only where they are not those of the identified vehicle.
     own = flights.fitted.vehicle.coefficients()
     changed = {name: float(x[0]) for name, x in drawn.coefficients.items() if x[0] != own.get(name, 0.0)}
     if changed:

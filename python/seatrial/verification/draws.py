@@ -234,6 +234,7 @@ def draw_missions(
         )
     seed = checked_seed(seed)
     which = checked_numbers(table.runs if numbers is None else numbers)
+    # Every kind of cause has a stream of its own: more of one changes none of the others.
     fitted = scattered(table, fitted)
     drawn = fitted.drawn(which, seed)
     return composed(
@@ -283,6 +284,7 @@ def composed(
     (`FAULT_WIDTH` and `OUTAGE_WIDTH` of each entry). `notes`, `doubt`: as of `Draws`.
     """
     common, faults, outages = uniform
+    # What every mission has, then failures: these need the time that its mission takes.
     u = {name: common[:, k] for k, name in enumerate(_ORDER)}
     mission = _mission(table, u["mission"])
     current, turbulence = _water(table, missions, u)

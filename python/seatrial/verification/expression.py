@@ -299,6 +299,7 @@ def _allowed(node: ast.expr, text: str) -> None:
             raise CampaignError(f'"{ast.unparse(func)}" is no function of a requirement{known}')
         case ast.Constant(value=bool()):
             raise CampaignError(f'"{node.value!r}" needs no writing: say "abort" or "not abort"')
+    # Everything else is refused, with what to write instead where that is known.
     parts: list[object] = [node, getattr(node, "op", None), *getattr(node, "ops", ())]
     hint = next((_HINTS[type(part)] for part in parts if type(part) in _HINTS), _ALLOWED)
     found = ast.get_source_segment(text.strip(), node) or ast.unparse(node)

@@ -354,6 +354,7 @@ def fly_series(flights: CampaignFlights, runs: int, flyer: Flyer, *, autopilot: 
     )
     try:
         for done in run_chunks(chunks, flyer.run, _FORMAT, fleet=flyer.fleet):
+            # Time flown per time taken counts kept chunks too, what is left those of this run alone.
             took = float(done.record["wall_s"])
             store.append(replace(done.value, wall_s=took))
             records.append(done.record)

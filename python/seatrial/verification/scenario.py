@@ -279,10 +279,7 @@ class Scenario:
     ... name = "out"
     ... speed_m_s = 1.5
     ... acceptance_radius_m = 5.0
-    ... [[legs]]
-    ... north_m = 60.0
-    ... east_m = 0.0
-    ... depth_m = 5.0
+    ... legs = [{ north_m = 60.0, east_m = 0.0, depth_m = 5.0 }]
     ... ''')
     >>> scenario = st.Scenario(
     ...     "cwolf", "cwolf", [mission], water={"current": {"speed_m_s": [0.0, 0.3]}}, runs=64

@@ -177,10 +177,7 @@ def verify(
     ... name = "out"
     ... speed_m_s = 1.5
     ... acceptance_radius_m = 5.0
-    ... [[legs]]
-    ... north_m = 60.0
-    ... east_m = 0.0
-    ... depth_m = 5.0
+    ... legs = [{ north_m = 60.0, east_m = 0.0, depth_m = 5.0 }]
     ... ''')
     >>> ends = st.Requirement("is complete", 'ending == "complete"', probability=0.9)
     >>> water = {"current": {"speed_m_s": [0.0, 0.3]}}
@@ -235,6 +232,7 @@ def _verified(scenario: Scenario, others: Mapping[str, Autopilot], flyer: Flyer)
     series = fly_series(flights, scenario.runs, flyer, autopilot=_VERIFIED)
     if series.flown is None:
         raise KeyboardInterrupt
+    # After Ctrl-C the verdict is that of the missions until then, without others and without cases.
     flown, comparison, interrupted = series.flown, None, series.interrupted
     if others and not interrupted:
         comparison, interrupted = _compared(scenario, others, flown, flyer)
@@ -405,6 +403,7 @@ def compared(
         )
         for name, missions in flown.items()
     )
+    # The verified one against each other one, requirement by requirement, and all of them as one family.
     verified, *others = flown
     raw = [
         (title, other, *mcnemar(held_by_name[verified][title], held_by_name[other][title]))

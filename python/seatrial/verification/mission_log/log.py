@@ -121,10 +121,7 @@ class MissionLog:
         ... name = "out"
         ... speed_m_s = 1.5
         ... acceptance_radius_m = 5.0
-        ... [[legs]]
-        ... north_m = 60.0
-        ... east_m = 0.0
-        ... depth_m = 5.0
+        ... legs = [{ north_m = 60.0, east_m = 0.0, depth_m = 5.0 }]
         ... ''')
         >>> typical = st.Conditions(sensors="typical")
         >>> log = MissionLog.read(st.fly("cwolf", "cwolf", mission, conditions=typical).table())

@@ -282,6 +282,7 @@ def group_power(
     used = [c for c in range(len(CHANNELS)) if CHANNELS[c] in judging and np.isfinite(noise[c])]
     if not used or not all(np.isfinite(shown).all() for shown in (*whole.predicted, *cut.predicted)):
         return nothing
+    # The pieces first: whole windows begin with the starts and shared unknowns that pieces were fitted with.
     members = [group.names for group in groups]
     in_pieces, in_whole = (
         Unknowns(known, part, members, noise, offsets, water=water) for part in (cut, whole)
@@ -294,6 +295,7 @@ def group_power(
     names = [CHANNELS[c] for c in used]
     evidence = [_Evidence.of(at, products, len(groups)) for _, at, products in fits]
     tests = _tests(groups, names, evidence, level)
+    # What is left over noise and priors, per channel: in the pieces, and how it grows in whole windows.
     left = [
         np.sqrt(products[:, :, -1, -1].sum(axis=0) / sum(mask[:, used].sum(axis=0) for mask in part.counted))
         for part, _, products in fits

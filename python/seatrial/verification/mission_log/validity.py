@@ -153,6 +153,7 @@ def validity(
     """
     given = {} if draws is None else {name: np.asarray(values, float) for name, values in draws.items()}
     known = np.zeros(12) if offsets is None else np.array([offsets.get(name, 0.0) for name in CHANNELS])
+    # The band: what draws and offsets move the prediction by, and the spread of a valid model's errors.
     moved = _Moved(log, given, known)
     sigma = [spread.at(log.since_restart(w)) for w in range(len(log.spans))]
     factor = spread.factor
@@ -170,6 +171,7 @@ def validity(
         expected[name] = ExpectedShare.of(moved.shares(c, half, sigma), float(spread.effective[c]))
         share, samples, effective = clustered_share(out)
         found[name] = share, samples, effective, expected[name].p(share, effective)
+    # Over the channels the chance of any false alarm is held at the level.
     adjusted = holm([p for *_, p in found.values()])
     channels = {}
     for (name, (share, samples, effective, _)), p in zip(found.items(), adjusted, strict=True):

@@ -308,6 +308,7 @@ def mission_envelope(
     if current is None:
         current = np.zeros(3) if trial.current is None else np.nanmean(trial.current, axis=0)
     voltage_v = None if trial.voltage_v is None else float(np.nanmean(trial.voltage_v))
+    # The flights start where the log can: in its smoothed state, its water and its supply.
     first = int(np.flatnonzero(trial.startable)[0]) if trial.startable.any() else 0
     drawn = fitted.draws(flights, seed) if fitted.names else None
     flown = fly_batch(
@@ -331,6 +332,7 @@ def mission_envelope(
         if name not in recorded:
             continue
         stack = np.stack([flight[name] for flight in shown])
+        # A band stands where enough flights are still under way.
         enough = np.isfinite(stack).sum(axis=0) >= SETTINGS.fewest_flights
         lower, middle, upper = np.full((3, len(t)), np.nan)
         if enough.any():
