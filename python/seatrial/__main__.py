@@ -23,7 +23,7 @@ def main() -> None:
     python_answers = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if python_answers:  # not where Ctrl-C is ignored, as behind nohup
         signal.signal(signal.SIGINT, _leave)
-    from seatrial.base.blas_threads import one_for_this_process
+    from seatrial.base.work import one_for_this_process
 
     one_for_this_process()
     from seatrial.cli import main as command_line

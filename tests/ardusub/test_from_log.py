@@ -126,9 +126,8 @@ def test_the_parameter_file_of_a_dive_goes_round(found: LogTuning, folder: Path)
 def test_the_same_run_again_takes_what_is_finished(found: LogTuning, folder: Path) -> None:
     said: list[str] = []
     stated = folder.with_name("stated.toml")
-    again = tune_log(
-        RECORDED, out=folder, vehicle=stated, missions=48, say=lambda share, words: said.append(words)
-    )
+    work = st.Work(progress=lambda state: said.append(state.what))
+    again = tune_log(RECORDED, out=folder, vehicle=stated, missions=48, work=work)
     assert again.to_dict() == found.to_dict()
     assert not any("missions" in one or "generation" in one for one in said)
 

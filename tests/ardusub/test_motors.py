@@ -12,8 +12,8 @@ import pytest
 from typer.testing import CliRunner
 
 from seatrial._core import ardusub_rates
-from seatrial.ardusub.comparison import Found, Quantity
-from seatrial.ardusub.log_replay import Replay, replay
+from seatrial.ardusub.comparison import Found, Quantity, Replay
+from seatrial.ardusub.log_replay import replay
 from seatrial.ardusub.parameters import ParameterFile
 from seatrial.base.arrays import Array
 from seatrial.cli import app

@@ -12,7 +12,8 @@ import pytest
 from typer.testing import CliRunner
 
 from seatrial import TrialError
-from seatrial.ardusub.log_replay import Replay, replay
+from seatrial.ardusub.comparison import Replay
+from seatrial.ardusub.log_replay import replay
 from seatrial.ardusub.parameters import ParameterFile
 from seatrial.cli import app
 from seatrial.report.plot import gallery

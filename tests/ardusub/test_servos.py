@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import seatrial as st
-from seatrial.ardusub.parameters import ParameterFile
-from seatrial.ardusub.servos import Channel, map_channels, map_parameters
+from seatrial.ardusub.parameters import Channel, ParameterFile, map_channels, map_parameters
 from seatrial.base.errors import TrialError
 from seatrial.logs.dataflash import open_log
 from seatrial.trial.columns import FRAME_NAMES, FRAMES

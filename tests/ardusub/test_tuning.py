@@ -72,8 +72,7 @@ def test_a_poor_loop_is_tuned_and_what_cannot_be_judged_stays(fitted: st.Fitted)
     model = MarginModel(fitted, flown_log.RIG, period_s=0.01, voltage_v=16.0, draws=8)
     verdicts = tuple(AxisVerdict(loop, loop == "yaw", "", "") for loop in SOUGHT)
     found = tune_parameters(
-        fitted, flown_log.RIG, courses, poor, verdicts, model, cases=draw_cases(fitted, WANDER, 8, seed=1),
-        generations=5,
+        model, courses, poor, verdicts, cases=draw_cases(fitted, WANDER, 8, seed=1), generations=5
     )  # fmt: skip
     assert found.changes
     assert {one.name for one in found.changes} <= set(SOUGHT["yaw"])
@@ -97,7 +96,7 @@ def test_nothing_is_sought_where_no_loop_can_be_judged(fitted: st.Fitted) -> Non
     model = MarginModel(fitted, flown_log.RIG, period_s=0.02, voltage_v=16.0, draws=4)
     verdicts = tuple(AxisVerdict(loop, False, "", "") for loop in SOUGHT)
     cases = draw_cases(fitted, WANDER, 8, seed=1)
-    found = tune_parameters(fitted, flown_log.RIG, courses, flown_log.GAINS, verdicts, model, cases=cases)
+    found = tune_parameters(model, courses, flown_log.GAINS, verdicts, cases=cases)
     assert not found.changes
     assert found.evaluations == 0
 

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 from typer.testing import CliRunner, Result
 
-from seatrial.base import atomic_write as whole_file
+from seatrial.base import files as whole_file
 from seatrial.base import run as run_directory
 from seatrial.bench_test.characteristic import motor_warnings
 from seatrial.bench_test.motor_estimate import MotorParameter

@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from seatrial.base.blas_threads import VARIABLES, one_blas_thread
+from seatrial.base.work import VARIABLES, one_blas_thread
 
 WITHOUT = {key: value for key, value in os.environ.items() if key not in VARIABLES}
 
@@ -32,7 +32,7 @@ except SystemExit:
 
 LIBRARY = """
 import seatrial as st
-from seatrial.base.blas_threads import one_blas_thread
+from seatrial.base.work import one_blas_thread
 from seatrial.base.chunks import work
 from seatrial.base.run import RunDirectory, version
 import pickle
@@ -62,7 +62,7 @@ needs_two = pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="one processor 
 def test_the_command_line_uses_one_thread_from_the_start() -> None:
     assert told(VERB + COUNT + "print(most())") == "1"
     # NumPy is not loaded before the variables are set, and child processes inherit them.
-    probe = "import sys, seatrial.__main__, seatrial.base.blas_threads; print('numpy' in sys.modules)"
+    probe = "import sys, seatrial.__main__, seatrial.base.work; print('numpy' in sys.modules)"
     assert told(probe) == "False"
     child = "import os; print(os.environ['OPENBLAS_NUM_THREADS'])"
     inherits = f"import subprocess, sys\nsubprocess.run([sys.executable, '-c', {child!r}])"

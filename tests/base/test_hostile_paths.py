@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 import seatrial as st
 from seatrial._core import file_text
-from seatrial.base.file_names import LONGEST_NAME, file_name, free_name, no_file
+from seatrial.base.files import LONGEST_NAME, file_name, free_name, no_file
 from seatrial.base.run import part_file
 from seatrial.base.toml_file import file_kind, text_of
 from seatrial.cli import app

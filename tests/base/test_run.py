@@ -16,8 +16,8 @@ import polars as pl
 import pytest
 from typer.testing import CliRunner
 
-from seatrial.base.atomic_write import only_user, whole_folder, write_atomic, write_table
 from seatrial.base.errors import SeatrialError, TrialError
+from seatrial.base.files import only_user, whole_folder, write_atomic, write_table
 from seatrial.base.run import (
     RUN_FILE,
     Kind,
@@ -543,7 +543,7 @@ def test_a_folder_that_holds_something_keeps_what_was_finished_in_it(tmp_path: P
 
 def test_of_many_writers_of_a_new_file_one_wins_and_its_file_is_whole(tmp_path: Path) -> None:
     code = (
-        "import sys; from pathlib import Path; from seatrial.base.atomic_write import write_atomic\n"
+        "import sys; from pathlib import Path; from seatrial.base.files import write_atomic\n"
         "sys.stdin.readline()\n"
         "try: write_atomic(Path(sys.argv[1]), sys.argv[2].encode() * 100_000, new=True)\n"
         "except FileExistsError: sys.exit(3)"

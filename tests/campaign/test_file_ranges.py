@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from seatrial.base import ranges
+from seatrial.base import toml_file
 from seatrial.base.errors import CampaignError
 from seatrial.bench_test.file import parse as parse_bench
 from seatrial.campaign.file import CampaignFile, parse
@@ -96,14 +96,14 @@ def test_bench_files_have_the_same_ranges() -> None:
 
 
 def test_every_key_with_bounds_of_its_own_is_a_key() -> None:
-    models = (Path(ranges.__file__).parents[1]).rglob("*.py")
+    models = (Path(toml_file.__file__).parents[1]).rglob("*.py")
     source = "\n".join(path.read_text() for path in models if "Section" in path.read_text())
-    for key, row in ranges.KEYS.items():
+    for key, row in toml_file.RANGES["keys"].items():
         assert f"    {key}: " in source, key
         assert row.least < row.most
         assert row.remedy
     assert {"seed", "rate_hz"} <= set(CampaignFile.model_fields)
     # Longer units before their endings, so that m/s is no second.
-    units = list(ranges.UNITS)
+    units = list(toml_file.RANGES["units"])
     for i, unit in enumerate(units):
         assert not any(unit.endswith(other) for other in units[:i])

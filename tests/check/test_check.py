@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from seatrial._core import State, Vehicle
 from seatrial.check.vehicle import VehicleCheck, check_vehicle, implausible
 from seatrial.report.results.check_findings import sentence
-from seatrial.vehicle.actuators import bollard, command, pushes
-from seatrial.vehicle.authority import commanded_rows
+from seatrial.vehicle.actuators import bollard, command, commanded_rows, pushes
 from seatrial.vehicle.stability import damping_gain, growth, statics
 from seatrial.vehicle.steady_state import KNOT_M_S, speeds, turns
 

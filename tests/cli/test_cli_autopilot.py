@@ -14,8 +14,8 @@ from seatrial.base.finding import Severity
 from seatrial.check.autopilot import weak_points
 from seatrial.cli import app
 from seatrial.cli.console import ConsoleSettings
+from seatrial.cli.tune import authority_in_words
 from seatrial.report.results.check_findings import sentence
-from seatrial.vehicle.authority import authority_in_words
 from tests.flight.flying import OUT
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -21,7 +21,7 @@ from seatrial.control_design.loops import (
     with_law,
 )
 from seatrial.control_design.margins import least_margins
-from seatrial.vehicle.authority import Delay, commandable, delays, mixing, reach
+from seatrial.vehicle.actuators import Delay, commandable, delays, mixing, reach
 from seatrial.vehicle.stability import neutral_fins
 from seatrial.vehicle.steady_state import cruise
 

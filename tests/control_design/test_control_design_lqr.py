@@ -15,7 +15,7 @@ from seatrial.control_design.loops import Plant, closed, plant, restoring_law, s
 from seatrial.control_design.lqr import SETTINGS, Tolerances, _gain, design_lqr, lqr_autopilot, lqr_tables
 from seatrial.control_design.margins import least_margins
 from seatrial.control_design.start_gains import start_gains
-from seatrial.vehicle.authority import LOOPS, ROWS, Delay, delays
+from seatrial.vehicle.actuators import LOOPS, ROWS, Delay, delays
 from tests.docs.pages import ROOT
 from tests.flight.acceptance import AUTOPILOTS, RADIUS_M, flights
 

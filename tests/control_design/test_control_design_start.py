@@ -34,7 +34,7 @@ from seatrial.control_design.start_guidance import (
     safety,
     without_substitute,
 )
-from seatrial.vehicle.authority import LOOPS, ROWS, delays
+from seatrial.vehicle.actuators import LOOPS, ROWS, delays
 from seatrial.vehicle.steady_state import turning_radius
 
 NAMES = ("cwolf", "remus100", "lauv", "bluerov2-heavy", "beluga")

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 import seatrial as st
-from seatrial.base import atomic_write as whole_file
+from seatrial.base import files as whole_file
 from seatrial.base import run as run_directory
 from seatrial.base.errors import SeatrialError
 from seatrial.base.toml_file import file_kind

@@ -22,7 +22,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 import seatrial as st
-from seatrial.ardusub.servos import map_channels
+from seatrial.ardusub.parameters import map_channels
 from seatrial.base.errors import SimulationError, TrialError
 from seatrial.cli import app
 from seatrial.realtime import ardupilot_link as link

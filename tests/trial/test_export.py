@@ -137,3 +137,7 @@ def test_the_verb_exports_every_column_of_a_flight(tmp_path: Path) -> None:
     wrong = (["export", "csv", source, "--out", str(out)], [*call[:-1], "u_m_s"], ["export", "csv", "x.csv"])
     for refused in wrong:
         assert CliRunner().invoke(app, refused).exit_code == 2
+    for option in (["--max-step", "0.05"], ["--no-feedback"], ["--no-binary"], ["--navigation", "filter"]):
+        refusal = CliRunner().invoke(app, [*call, *option])
+        assert refusal.exit_code == 2
+        assert f"{option[0]}: has no meaning for export csv" in refusal.output

@@ -20,7 +20,6 @@ from seatrial.report.plot.style import save
 from seatrial.vehicle.actuators import NOMINAL_V, command, voltage_for
 from seatrial.vehicle.steady_state import (
     KNOT_M_S,
-    STEADY_STATE_SETTINGS,
     TURN_KINDS,
     cruise,
     drivers,
@@ -32,6 +31,7 @@ from seatrial.vehicle.steady_state import (
     turning_senses,
     turns,
 )
+from seatrial.vehicle.steady_state import SETTINGS as STEADY_STATE
 
 Array = NDArray[np.float64]
 
@@ -187,7 +187,7 @@ def test_lit_taubert_2014_table_1() -> None:
 @every("vehicle")
 def test_a_turn_is_steady(vehicle: Vehicle) -> None:
     found = turns(vehicle)
-    assert len(found) == len(TURN_KINDS) * len(STEADY_STATE_SETTINGS.turn_shares)
+    assert len(found) == len(TURN_KINDS) * len(STEADY_STATE.turn_shares)
     for turn in found:
         commands = turn_commands(vehicle, turn.share, TURN_KINDS[turn.kind] * turn.share)
         motion = steady(vehicle, commands, free="XYN", voltage_v=NOMINAL_V)

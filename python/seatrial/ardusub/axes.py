@@ -15,7 +15,7 @@ Held by ``tests/ardusub/test_tuning.py``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -29,8 +29,7 @@ from seatrial.base.report import sentence_of, wording
 from seatrial.control_design.margins import loop_margins
 from seatrial.control_design.tuning_table import ACCEPTED
 from seatrial.identification.estimate import ESTIMATE_SETTINGS, implausible_masses
-from seatrial.vehicle.actuators import bollard
-from seatrial.vehicle.authority import delays
+from seatrial.vehicle.actuators import bollard, delays
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -60,25 +59,6 @@ AXES_OF_LOOPS: Mapping[str, str] = {"roll": "K", "pitch": "M", "yaw": "N", "dept
 
 _CHANNEL = {"X": "u", "Y": "v", "Z": "w", "K": "p", "M": "q", "N": "r"}
 
-_TRIALS = {
-    "roll": "in MANUAL, pulses of roll both ways, 2 s each, then free swinging: at least five, at two"
-    " strengths",
-    "pitch": "in MANUAL, pulses of pitch both ways, 2 s each, then free swinging: at least five, at two"
-    " strengths",
-    "yaw": "in MANUAL, a zigzag of yaw at 30 and 60 % of the stick, 20 s each, with free coasting between",
-    "depth": "in MANUAL, dives and rises at 30, 60 and 100 % of the throttle, 5 s each, then free coasting",
-    "place": "in STABILIZE, runs ahead and sideways both ways at 30, 60 and 100 % of the stick, 8 s each,"
-    " then free coasting",
-}
-
-_INERTIA_TRIALS = {
-    True: "begin with pulses of 1 s at full stick from rest, with attitude and RCOU logged fast"
-    " (ATTITUDE_FAST in LOG_BITMASK), and measure the moment of the thrusters with a spring balance at a"
-    " known lever; an inertia that you measured belongs into the vehicle file (--vehicle)",
-    False: "begin with pulses of 1 s at full stick from rest, and measure the thrust with a bollard pull",
-}
-"""What tells an inertia, or a mass, from a delay and from the thrust."""
-
 AMPLE = (45.0, 12.0, 1.5)
 """Phase margin, deg, gain margin, dB, and sensitivity that a tuning may come down to where there was more."""
 
@@ -104,74 +84,57 @@ def axis_verdicts(
     identified: Identification, fitted: Fitted, *, draws: int = 200, seed: int = 0
 ) -> tuple[AxisVerdict, ...]:
     """Which loops the identified model can judge."""
-    masses = _masses(fitted, draws, seed)
+    words, masses = wording("ardusub"), _masses(fitted, draws, seed)
     odd_masses = implausible_masses(
         identified.problem.vehicle,
         identified.coefficients,
         {axis: mass for axis, (mass, _) in masses.items()},
     )
-    # Data that no coefficient has seen judge the axes, where there are any.
-    hold_out = identified.scores.get("hold_out", {}).get("ahead", {})
-    scores, baselines = hold_out.get("all"), identified.baselines
     verdicts = []
     for loop, axes in AXES_OF_LOOPS.items():
         odd = {axis: sentence_of(odd_masses[axis], "estimates") for axis in axes if axis in odd_masses}
+        doubts = {axis: _doubt(identified, axis, masses[axis]) for axis in axes}
         against = [
-            reason
-            for axis in axes
-            if (reason := odd.get(axis) or _against(identified, axis, masses, scores, baselines))
+            odd.get(axis) or words.doubt(axis, *doubt)
+            for axis, doubt in doubts.items()
+            if odd.get(axis) or doubt
         ]
+        apparent = ", ".join(f"apparent {wording('estimates').mass(axis, *masses[axis])}" for axis in axes)
         # A mass that no vehicle has asks for another manoeuvre than noise does.
-        implausible = bool(odd)
-        masses_in_words = ", ".join(
-            f"apparent {wording('estimates').mass(axis, *masses[axis])}" for axis in axes
-        )
-        trial = f"{_TRIALS[loop]}; {_INERTIA_TRIALS[axes[0] in 'KMN']}" if implausible else _TRIALS[loop]
-        verdicts.append(
-            AxisVerdict(
-                loop,
-                not against,
-                "; ".join(against) or f"identified: {masses_in_words}",
-                "" if not against else trial,
-                implausible,
-            )
-        )
+        trial = words.trial(loop, implausible=bool(odd)) if against else ""
+        why = "; ".join(against) or f"identified: {apparent}"
+        verdicts.append(AxisVerdict(loop, not against, why, trial, bool(odd)))
     return tuple(verdicts)
 
 
-def _against(
-    identified: Identification,
-    axis: str,
-    masses: Mapping[str, tuple[float, float]],
-    scores: Any,
-    baselines: Mapping[str, Mapping[str, float]],
-) -> str:
-    """What speaks against a judgement of an axis; empty where nothing does."""
+def _doubt(identified: Identification, axis: str, mass: tuple[float, float]) -> tuple[Any, ...]:
+    """What speaks against a judgement of an axis, by its kind and numbers; empty where nothing does.
+
+    `mass`: apparent mass of the axis and its standard deviation, kg or kg m2.
+    """
     own = [coefficient for coefficient in identified.coefficients if coefficient.name.startswith(f"{axis}_")]
-    held_parameters = {parameter.parameter for parameter in identified.held}
     if not own:
-        hidden = any(name.startswith(f"{axis}_") for name in held_parameters)
-        return f"{axis}: " + (
-            "not identified, the controller's feedback dominates the log" if hidden else
-            "not identified, the log moves it too little to tell it from its controller"
-        )  # fmt: skip
-    mass = next((coefficient for coefficient in own if coefficient.name.endswith("dot")), None)
+        hidden = any(parameter.parameter.startswith(f"{axis}_") for parameter in identified.held)
+        return ("hidden" if hidden else "unmoved",)
+    inertia = next((coefficient for coefficient in own if coefficient.name.endswith("dot")), None)
     damping = [coefficient for coefficient in own if not coefficient.name.endswith(("dot", "_0"))]
     stuck = [coefficient for coefficient in own if coefficient.at_bound and not _at_zero(coefficient)]
-    if mass is not None and mass.at_bound:
-        return f"{axis}: {mass.name} ended at its bound of {mass.estimate:.3g}"
-    if stuck and len([coefficient for coefficient in damping if coefficient in stuck]) == len(damping):
-        return f"{axis}: {stuck[0].name} ended at its bound of {stuck[0].estimate:.3g}"
-    middle, sd = masses[axis]
-    if not sd <= ESTIMATE_SETTINGS.agree * middle:
-        return f"{axis}: drawn vehicles disagree, apparent mass {middle:.3g} ± {sd:.2g}"
+    if inertia is not None and inertia.at_bound:
+        return "bound", inertia.name, inertia.estimate
+    # One damping term may rest at its bound where another one takes its part.
+    if stuck and all(coefficient in stuck for coefficient in damping):
+        return "bound", stuck[0].name, stuck[0].estimate
+    if not mass[1] <= ESTIMATE_SETTINGS.agree * mass[0]:
+        return "draws", *mass
+    # Data that no coefficient has seen judge the axes, where there are any.
+    scores = identified.scores.get("hold_out", {}).get("ahead", {}).get("all")
     channel = _CHANNEL[axis]
     if scores is not None and channel in scores:
         r2 = scores[channel].r2
-        best = max((row[channel] for row in baselines.values() if channel in row), default=-np.inf)
+        best = max((row[channel] for row in identified.baselines.values() if channel in row), default=-np.inf)
         if not r2 > best:
-            return f"{axis}: R2 of {channel} on held-out data {r2:.2f}, the best baseline {best:.2f}"
-    return ""
+            return "baseline", channel, r2, best
+    return ()
 
 
 def _at_zero(coefficient: Any) -> bool:
@@ -235,7 +198,7 @@ class MarginModel:
     def __init__(
         self, fitted: Fitted, rig: Rig, *, period_s: float, voltage_v: float, draws: int = 60, seed: int = 0
     ) -> None:
-        self._period_s, self._vehicle = period_s, fitted.vehicle
+        self.fitted, self.rig, self._period_s = fitted, rig, period_s
         drawn = fitted.draws(draws, seed)
         self._mass = _diagonals(fitted.vehicle, drawn, draws)
         own = fitted.vehicle.coefficients()
@@ -266,13 +229,6 @@ class MarginModel:
             float(20.0 * np.log10(margins.gain.min())),
             float(margins.sensitivity.max()),
         )
-
-
-def margins_of(
-    model: MarginModel, loops: Sequence[str], parameters: Mapping[str, float]
-) -> tuple[Margins, ...]:
-    """Margins of some loops."""
-    return tuple(model.of(loop, parameters) for loop in loops)
 
 
 def loop_law(loop: str, values: Mapping[str, float], s: Any) -> Any:

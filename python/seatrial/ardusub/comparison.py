@@ -11,12 +11,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from seatrial.ardusub.parameters import ParameterFile, in_metres
 from seatrial.base.arrays import Array
-from seatrial.base.plain import Plain
+from seatrial.base.plain import Plain, plain
+from seatrial.base.run import RunResult, to_json
 from seatrial.logs.log import Log, Samples
 
 LIMITS = {"term": 0.01, "pulse": 2.0}
@@ -40,7 +43,7 @@ class ComparisonSettings:
     covers_s: float = 0.3
 
 
-COMPARISON_SETTINGS = ComparisonSettings()
+SETTINGS = ComparisonSettings()
 
 
 @dataclass(frozen=True)
@@ -127,7 +130,7 @@ class Quantity:
         if not beyond.any():
             return best
         # A stretch ends where a row is within the limit, or where rows are missing.
-        ends = np.concatenate([[True], ~beyond[:-1] | (np.diff(t) > COMPARISON_SETTINGS.gap_s)])
+        ends = np.concatenate([[True], ~beyond[:-1] | (np.diff(t) > SETTINGS.gap_s)])
         stretch = np.cumsum(ends | ~beyond)
         for number in np.unique(stretch[beyond]):
             rows = np.flatnonzero(beyond & (stretch == number))
@@ -141,7 +144,7 @@ class Quantity:
         if not self.p95 <= self.limit:
             return False
         first, last = self.off
-        return not (self.exact and last - first > COMPARISON_SETTINGS.longest_off_s)
+        return not (self.exact and last - first > SETTINGS.longest_off_s)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data without the rows."""
@@ -158,6 +161,99 @@ class Quantity:
             "longest_off_s": 0.0 if math.isnan(first) else last - first,
             "holds": self.holds,
             "why": self.why,
+        }
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Replay(RunResult):
+    """What the law makes of a log's inputs, beside what the log says."""
+
+    source: str  #: The log.
+    quantities: tuple[Quantity, ...]  #: One by one in the order of the signal.
+    #: Checks that the modes of the log ask for and that could not be made.
+    impossible: tuple[Impossible, ...]
+    found: tuple[Found, ...]  #: Parameters that were found from the log, or bounds of them.
+    frame: tuple[str, tuple[int, ...]] | None  #: Name of the frame, and ``MOT_n_DIRECTION`` of its motors.
+    notes: tuple[str, ...]  #: What could not be replayed and why.
+    facts: Mapping[str, Any]  #: What the result rests on.
+    #: The vehicle's own parameters, where they were given; those found are compared with them.
+    given: ParameterFile | None = None
+
+    @property
+    def checks(self) -> tuple[int, int]:
+        """How many checks are met, and how many the log owes."""
+        met = sum(quantity.holds for quantity in self.quantities)
+        return met, len(self.quantities) + len(self.impossible)
+
+    @property
+    def held(self) -> bool:
+        """Whether every check that the log owes is met."""
+        met, owed = self.checks
+        return met == owed
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Topics without which checks could not be made."""
+        return tuple(dict.fromkeys(gap.topic for gap in self.impossible if gap.topic))
+
+    @property
+    def partly(self) -> tuple[str, ...]:
+        """Topics that are missing for part of the time in which their controller worked."""
+        return tuple(dict.fromkeys(gap.topic for gap in self.impossible if gap.topic and gap.partly))
+
+    def parameter(self, name: str) -> float:
+        """Value of a parameter that was found.
+
+        Raises
+        ------
+        KeyError
+            It was not, or only a bound of it.
+        """
+        values = {each.name: each.value for each in self.found if not each.bound}
+        return values[name]
+
+    def against(self) -> tuple[tuple[Found, float, bool], ...]:
+        """Each parameter found, its value in the file that was given, and whether they agree."""
+        if self.given is None:
+            return ()
+        values = in_metres(self.given)
+        both = ((each, values[each.name]) for each in self.found if each.name in values)
+        return tuple((each, own, each.agrees(own)) for each, own in both)
+
+    def parameter_file(self) -> str:
+        """The parameters found as a parameter file, each with what it was found from; bounds are comments."""
+        lines = [f"# Found from {Path(self.source).name}; ArduSub 4.7 and later by name and unit"]
+        for each in self.found:
+            if each.bound:
+                lines.append(f"# {each.name}: {each.bound} {each.value:.6g} ({each.how}); nothing to load")
+                continue
+            spread = "" if math.isnan(each.sd) else f", standard deviation {each.sd:.2g}"
+            lines += [f"# {each.how}{spread}", f"{each.name},{each.value:.6g}"]
+        return "\n".join(lines) + "\n"
+
+    def files(self) -> dict[str, str | bytes]:
+        """Files of the run directory by name, see `save`."""
+        return {
+            "replay.json": to_json(self.to_dict()),
+            "found.param": self.parameter_file(),
+            **self.report().files(),
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data."""
+        met, owed = self.checks
+        return {
+            "source": self.source,
+            "held": self.held,
+            "checks": {"met": met, "owed": owed, "impossible": len(self.impossible)},
+            "missing": list(self.missing),
+            "compared": [
+                {"name": each.name, "found": each.value, "bound": each.bound, "given": own, "agrees": agrees}
+                for each, own, agrees in self.against()
+            ],
+            **{key: plain(getattr(self, key)) for key in ("quantities", "impossible", "found")},
+            "frame": self.frame and {"name": self.frame[0], "direction": list(self.frame[1])},
+            "notes": list(self.notes),
         }
 
 
@@ -234,7 +330,7 @@ class Modes:
         # (LOG_DISARMED 0).
         state = np.concatenate([[not self.armed[0]], self.armed])[after]
         last = np.concatenate([[self.start], self.switched])[after]
-        return ~state | (t - last < COMPARISON_SETTINGS.spool_up_s)
+        return ~state | (t - last < SETTINGS.spool_up_s)
 
 
 def _changes(log: Log, samples: Mapping[str, Samples]) -> tuple[Array, tuple[str, ...]]:
@@ -283,7 +379,7 @@ class Rows:
     def __getitem__(self, name: str) -> Array:
         return self.values[name]
 
-    def at(self, t: Array, near_s: float = COMPARISON_SETTINGS.near_s) -> tuple[Any, Any]:
+    def at(self, t: Array, near_s: float = SETTINGS.near_s) -> tuple[Any, Any]:
         """Rows nearest in time, and whether they are near enough."""
         if len(self.t) < 2:
             return np.zeros(len(t), int), np.zeros(len(t), bool)
@@ -327,11 +423,11 @@ class Comparison:
 
         In modes that are not known the topics of the controllers tell.
         """
-        if self.modes.unknown(self.ticks) >= COMPARISON_SETTINGS.fewest_rows and any(
+        if self.modes.unknown(self.ticks) >= SETTINGS.fewest_rows and any(
             t in self.log.fields for t in _TELLS[what]
         ):
             return True
-        return int(self.modes.controls(self.ticks, what).sum()) >= COMPARISON_SETTINGS.fewest_rows
+        return int(self.modes.controls(self.ticks, what).sum()) >= SETTINGS.fewest_rows
 
     def read(self, name: str, *columns: str) -> Rows | None:
         """Rows of a topic without those that are not numbers; None where it has no such columns or no row.
@@ -374,7 +470,7 @@ class Comparison:
         if rows is not None and control:
             works = ~self.modes.rests(rows.t, control)
             rows = Rows(rows.t[works], {column: rows[column][works] for column in columns})
-        if rows is None or len(rows.t) < COMPARISON_SETTINGS.fewest_rows:
+        if rows is None or len(rows.t) < SETTINGS.fewest_rows:
             count = 0 if rows is None else len(rows.t)
             what = "no rows" if rows is None and len(lacking) in (0, len(columns)) else f"{count} rows"
             why = f"the log has {what} of {name}"
@@ -399,9 +495,9 @@ class Comparison:
         if not control or any(gap.topic == name for gap in self.impossible):
             return
         due = self.ticks[self.modes.controls(self.ticks, control)]
-        _, near = rows.at(due, COMPARISON_SETTINGS.covers_s)
+        _, near = rows.at(due, SETTINGS.covers_s)
         if (
-            len(due) >= COMPARISON_SETTINGS.fewest_rows and near.mean() < 0.9
+            len(due) >= SETTINGS.fewest_rows and near.mean() < 0.9
         ):  # its topic covers less; mode changes cost a row or two
             why = f"{name} covers {100 * near.mean():.0f} % of the time in which the modes control {control}"
             self.impossible.append(Impossible(name, "rows of all its time", why, name, partly=True))
@@ -412,8 +508,7 @@ class Comparison:
 
     def add(
         self,
-        controller: str,
-        name: str,
+        check: tuple[str, str],
         unit: str,
         t: Array,
         logged: Array,
@@ -423,21 +518,19 @@ class Comparison:
         judged: Any = None,
         why: str = "",
     ) -> None:
-        """Keep a quantity; its limit is a hundredth of what was logged unless given.
+        """Keep a quantity by controller and name; its limit is a hundredth of what was logged unless given.
 
         A quantity without `judged` follows from each row alone, and all of its rows are judged.
         """
         exact = judged is None
         rows = np.ones(len(t), bool) if judged is None else judged
         if not rows.any():
-            self.cannot(controller, name, "no row is left to judge by")
+            self.cannot(*check, "no row is left to judge by")
             return
         # Logs keep single precision: below a millionth of the largest value nothing is told.
         least = 1e-6 * float(np.abs(logged).max(initial=0.0)) + 1e-9
         within = max(LIMITS["term"] * float(np.std(logged[rows])), least) if limit is None else limit
-        self.quantities.append(
-            Quantity(controller, name, unit, t, logged, replayed, rows, within, why, exact)
-        )
+        self.quantities.append(Quantity(*check, unit, t, logged, replayed, rows, within, why, exact))
 
     def gain(self, name: str, logged: Array, cause: Array, t: Array, how: str) -> float:
         """Factor between a cause and what it drives on the first half, kept; NaN where none shows."""

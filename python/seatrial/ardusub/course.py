@@ -52,7 +52,7 @@ class FlownSettings:
     noise: tuple[float, float] = (0.002, 0.005)
 
 
-FLOWN_SETTINGS = FlownSettings()
+SETTINGS = FlownSettings()
 
 _WANTED = 20  # columns of the core's targets
 
@@ -80,7 +80,7 @@ class Course:
     @property
     def every(self) -> int:
         """Control periods between two rows that are kept."""
-        return max(round(FLOWN_SETTINGS.row_s / self.period_s), 1)
+        return max(round(SETTINGS.row_s / self.period_s), 1)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -135,7 +135,7 @@ class _Rows:
         """Where a row stands near enough."""
         after = np.clip(np.searchsorted(self.t, t), 1, len(self.t) - 1)
         gap = np.minimum(np.abs(self.t[after] - t), np.abs(t - self.t[after - 1]))
-        return gap <= FLOWN_SETTINGS.near_s
+        return gap <= SETTINGS.near_s
 
 
 def rows_of(log: Log, topic: str, *names: str) -> _Rows | None:
@@ -177,23 +177,23 @@ def logged_courses(
     step = rows_of(log, "ANG", "Dt")
     period = 0.005 if step is None else float(np.median(step.values["Dt"]))
     # The controllers run a whole number of times in a row of the course.
-    period = FLOWN_SETTINGS.row_s / max(round(FLOWN_SETTINGS.row_s / min(max(period, 0.001), 0.02)), 1)
+    period = SETTINGS.row_s / max(round(SETTINGS.row_s / min(max(period, 0.001), 0.02)), 1)
     begins = [(event.t, event.text) for event in log.events() if event.kind == "mode"]
     last = float(rows["ANG"].t[-1])
     ends = [t for t, _ in begins[1:]] + [last] * bool(begins)
     # The first rows after a change hold targets of the mode before.
     modes = [
-        (t + 2.0 * FLOWN_SETTINGS.row_s, end, name)
+        (t + 2.0 * SETTINGS.row_s, end, name)
         for (t, name), end in zip(begins, ends, strict=True)
-        if end - t >= FLOWN_SETTINGS.shortest_s
+        if end - t >= SETTINGS.shortest_s
     ]
     if not modes:
-        modes = [(float(rows["ANG"].t[0]) + FLOWN_SETTINGS.row_s, last, "log")]
+        modes = [(float(rows["ANG"].t[0]) + SETTINGS.row_s, last, "log")]
     made = [_course(log, rows, parameters, period, mode, channels) for mode in modes]
     whole = tuple(course for course in made if course is not None)
     if not whole:
         raise TrialError(
-            f"{log.path}: expected a stretch of {FLOWN_SETTINGS.shortest_s:g} s in one mode, found none"
+            f"{log.path}: expected a stretch of {SETTINGS.shortest_s:g} s in one mode, found none"
         )
     return whole
 
@@ -207,10 +207,10 @@ def _course(
     channels: Sequence[int],
 ) -> Course | None:
     begin, end, name = mode
-    n = int((end - begin) / FLOWN_SETTINGS.row_s)
-    if n * FLOWN_SETTINGS.row_s < FLOWN_SETTINGS.shortest_s - 1.0:
+    n = int((end - begin) / SETTINGS.row_s)
+    if n * SETTINGS.row_s < SETTINGS.shortest_s - 1.0:
         return None
-    every = round(FLOWN_SETTINGS.row_s / period)
+    every = round(SETTINGS.row_s / period)
     t: Array = np.asarray(begin + period * np.arange(n * every), float)
     kept = t[::every]
     ang, rate, depth, place = rows["ANG"], rows["RATE"], _vertical(log), _plane(log)
@@ -329,7 +329,7 @@ class Rig:
     direction: tuple[int, ...]  #: ``MOT_n_DIRECTION`` of every motor.
     tether_at: tuple[float, float, float] = (-0.2, 0.0, -0.1)  #: (3,), body frame, m.
     #: Standard deviation of gyro (rad/s) and velocity (m/s).
-    noise: tuple[float, float] = FLOWN_SETTINGS.noise
+    noise: tuple[float, float] = SETTINGS.noise
     wander_s: float = 1.0  #: Time constant of the wrench that the model does not know, s.
     steady: tuple[float, ...] = (0.0,) * 6  #: Steady wrench (6,) that the model does not know, N and N m.
     #: ``MOT_FV_CPLNG_K``, which counts for the frame Vectored; ArduSub's default where it is None.
@@ -410,6 +410,7 @@ def fly_course(
     for name in parameters:
         if name not in known:
             raise TrialError(f"{name}: expected a parameter of ArduSub's controllers{nearest(name, known)}")
+    # The steady wrench is a bias of the vehicle, on top of one that it has.
     steady = dict(zip(("X_0", "Y_0", "Z_0", "K_0", "M_0", "N_0"), rig.steady, strict=True))
     own = vehicle.coefficients()
     bias = {

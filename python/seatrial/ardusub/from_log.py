@@ -12,16 +12,18 @@ import inspect
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from seatrial.ardusub.axes import AxisVerdict, MarginModel, Margins, axis_verdicts
+from seatrial.ardusub.comparison import Replay
 from seatrial.ardusub.course import Course, Rig, check_rig, known_parameters, logged_courses
-from seatrial.ardusub.log_replay import Replay, replay
+from seatrial.ardusub.log_replay import replay
 from seatrial.ardusub.parameters import (
+    GENERATIONS,
     Change,
     ParameterFile,
     changes_text,
@@ -43,7 +45,7 @@ from seatrial.ardusub.tuning import (
 )
 from seatrial.base.errors import TrialError
 from seatrial.base.run import RunDirectory, RunResult, run_facts, sha256, to_json
-from seatrial.base.work import Clock, Progress, Work
+from seatrial.base.work import HERE, Clock, Progress, Work, takes, tell, within
 from seatrial.logs.formats import open_log
 
 if TYPE_CHECKING:
@@ -63,56 +65,30 @@ class LogTuningSettings:
     search_missions: int = 64  #: Missions of the search: each candidate flies them.
 
 
-LOG_TUNING_SETTINGS = LogTuningSettings()
+SETTINGS = LogTuningSettings()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LogTuning(RunResult):
-    """What a log of ArduSub said, and the parameters that come of it.
+    """What a log of ArduSub said, and the parameters that come of it."""
 
-    Attributes
-    ----------
-    replay
-        Whether the law explains the log, and the parameters found.
-    identified
-        First line of the identification, and coefficients with standard deviations by name.
-    parameters
-        Those that the vehicle flew with: found from the log, else of the file, else ArduSub's defaults.
-    assumed
-        Names of those that are defaults because neither log nor file has them.
-    reflight
-        The log's mission flown again.
-    verdicts
-        Which loops can be judged.
-    tuned
-        Parameters before and after.
-    before, after
-        Missions with either; the same where nothing changes.
-    rise_s
-        By then a step of yaw is to have risen, see `seatrial.ardusub.tuning.corridors_of`.
-    missions
-        How many.
-    generation
-        Of the firmware in whose names changes are written.
-    facts
-    folders
-        Project and identification, beside the run directory.
-    """
-
-    replay: Replay
+    replay: Replay  #: Whether the law explains the log, and the parameters found.
+    #: First line of the identification, and coefficients with standard deviations by name.
     identified: Mapping[str, Any]
+    #: Those that the vehicle flew with: found from the log, else of the file, else ArduSub's defaults.
     parameters: Mapping[str, float]
-    assumed: tuple[str, ...]
-    reflight: Reflight
-    verdicts: tuple[AxisVerdict, ...]
-    tuned: Tuned
+    assumed: tuple[str, ...]  #: Names of those that are defaults because neither log nor file has them.
+    reflight: Reflight  #: The log's mission flown again.
+    verdicts: tuple[AxisVerdict, ...]  #: Which loops can be judged.
+    tuned: Tuned  #: Parameters before and after.
+    #: `before`, `after`: missions with either; the same where nothing changes.
     before: Missions
     after: Missions
-    rise_s: float
-    missions: int
-    generation: str
+    rise_s: float  #: By then a step of yaw is to have risen, see `seatrial.ardusub.tuning.corridors_of`.
+    missions: int  #: How many.
+    generation: str  #: Of the firmware in whose names changes are written.
     facts: Mapping[str, Any]
-    folders: tuple[Path, Path]
+    folders: tuple[Path, Path]  #: Project and identification, beside the run directory.
 
     @property
     def changes(self) -> tuple[Change, ...]:
@@ -131,8 +107,7 @@ class LogTuning(RunResult):
         return bool(changed) and all(
             self.after.worst(name) < self.before.worst(name) and after < before
             if name in changed
-            else after <= LOG_TUNING_SETTINGS.no_worse_ratio * before + 0.01
-            or by_chance(self.before, self.after, name)
+            else after <= SETTINGS.no_worse_ratio * before + 0.01 or by_chance(self.before, self.after, name)
             for name in self.before.violations
             for before, after in [(worst_tail(self.before, name), worst_tail(self.after, name))]
         )
@@ -225,25 +200,19 @@ def by_chance(before: Missions, after: Missions, channel: str) -> bool:
     rises = (later - earlier)[worst]
     if len(rises) < 2 or not np.isfinite(rises).all():
         return False
-    return bool(
-        rises.mean() <= LOG_TUNING_SETTINGS.chance_deviations * rises.std(ddof=1) / math.sqrt(len(rises))
-    )
+    return bool(rises.mean() <= SETTINGS.chance_deviations * rises.std(ddof=1) / math.sqrt(len(rises)))
 
 
-Say = Callable[[float, str], None]
-
-
+@takes(work=Work)
 def tune_log(
     log: str | Path,
     *,
     out: str | Path,
     parameters: ParameterFile | None = None,
     vehicle: str | Path | None = None,
-    missions: int = LOG_TUNING_SETTINGS.judging_missions,
+    missions: int = SETTINGS.judging_missions,
     seed: int = 0,
-    threads: int | None = None,
-    resume: bool = True,
-    say: Say = lambda share, words: None,
+    work: Work = HERE,
 ) -> LogTuning:
     """Parameters of ArduSub from one of its logs, in a run directory.
 
@@ -261,11 +230,9 @@ def tune_log(
     missions : int
         With which before and after are judged.
     seed : int
-    threads : int, optional
-    resume : bool
-        Whether to reuse what an earlier run finished from the same inputs.
-    say : callable, optional
-        Called with the share of the work that is done and what is being done.
+    work : st.Work
+        Threads of the core, whether to reuse what an earlier run finished from the same inputs, and whom to
+        inform.
 
     Raises
     ------
@@ -275,15 +242,16 @@ def tune_log(
         The vehicle cannot be identified from it.
     """
     clock = Clock()
-    folder = Path(out)
+    folder, content = Path(out), sha256(Path(log).read_bytes())
     title = "" if parameters is None else generation(parameters.values, parameters.source)
     if title == "3.5" and parameters is not None:
+        names = ", ".join(sorted(set(parameters.values) & set(GENERATIONS["3.5"])))
         raise TrialError(
             f"{parameters.source}: expected parameters of ArduSub 4.0 or later, found those of 3.5"
-            f" ({_old_names(parameters)}); its controllers are others: take the file that the vehicle writes"
+            f" ({names}); its controllers are others: take the file that the vehicle writes"
         )
-    with RunDirectory(folder, "ardusub", resume=resume) as run:
-        say(0.0, f"replaying {Path(log).name}")
+    with RunDirectory(folder, "ardusub", resume=work.resume) as run:
+        tell(work, 0.0, f"replaying {Path(log).name}")
         replayed = replay(log, parameters=parameters)
         flown, assumed = _flown_with(replayed, parameters)
         courses = logged_courses(open_log(log), flown)
@@ -292,48 +260,44 @@ def tune_log(
                 f"{log}: no frame of ArduSub explains the pulses, so that the cascade cannot fly;"
                 " --replay-only shows what the log tells"
             )
-        identification, fitted = _identified(Path(log), folder, vehicle, (say, threads, resume))
-        held = _held_out(identification)
+        identification, fitted = _identified(Path(log), folder, vehicle, work)
         coupling = None if parameters is None else parameters.values.get("MOT_FV_CPLNG_K")
         rig = Rig(*replayed.frame, coupling=coupling)
         check_rig(fitted.vehicle, rig)
-        inputs = sha256(
-            repr((
-                sha256(Path(log).read_bytes()), sorted(flown.items()), fitted.vehicle.to_toml(), missions,
-                seed,
-                np.asarray(fitted.covariance).tolist(), _sources(),
-            ))
-        )  # fmt: skip
-        kept = _Kept(run, inputs)
+        covariance = np.asarray(fitted.covariance).tolist()
+        inputs = (
+            content,
+            sorted(flown.items()),
+            fitted.vehicle.to_toml(),
+            missions,
+            seed,
+            covariance,
+            _sources(),
+        )
+        kept = _Kept(run, sha256(repr(inputs)))
         reflight = kept.part(
             "reflight",
             lambda: refly(
-                fitted, rig, courses, flown, hold_out_s=held, seed=seed, threads=threads,
-                say=lambda share, words: say(0.3 + 0.15 * share, words),
+                fitted, rig, courses, flown, hold_out_s=_held_out(identification), seed=seed,
+                work=within(work, 0.3, 0.45),
             ),
             _reflight_to, _reflight_of,
         )  # fmt: skip
         verdicts = axis_verdicts(identification, fitted, seed=seed)
         tuned, before, after, rise = _tuned(
-            kept, fitted, reflight, flown, verdicts, courses[0], (missions, seed, threads, say)
+            kept, fitted, reflight, flown, verdicts, courses[0], (missions, seed, work)
         )
         facts = run_facts(
             "ardusub", Path(log).stem, clock=clock, seed=seed, options={"missions": missions},
-            inputs={Path(log).name: sha256(Path(log).read_bytes())},
+            inputs={Path(log).name: content},
         )  # fmt: skip
         result = LogTuning(
-            replayed, _told(identification), flown, assumed, reflight, verdicts, tuned, before, after, rise,
-            missions, title, facts, _beside(folder),
+            replayed, _summary(identification), flown, assumed, reflight, verdicts, tuned, before, after,
+            rise, missions, title, facts, _beside(folder),
         )  # fmt: skip
-        say(1.0, "done")
+        tell(work, 1.0, "done")
         run.publish(facts, result.files())
     return result
-
-
-def _old_names(parameters: ParameterFile) -> str:
-    from seatrial.ardusub.parameters import GENERATIONS
-
-    return ", ".join(sorted(set(parameters.values) & set(GENERATIONS["3.5"])))
 
 
 def _sources() -> str:
@@ -365,27 +329,25 @@ def _flown_with(
 
 
 def _identified(
-    log: Path, folder: Path, vehicle: str | Path | None, how: tuple[Say, int | None, bool]
+    log: Path, folder: Path, vehicle: str | Path | None, work: Work
 ) -> tuple[Identification, Fitted]:
     """The vehicle identified from the log, in folders beside the run's."""
     from seatrial.campaign.campaign import Campaign
     from seatrial.identification.fitted import Fitted
     from seatrial.intake.import_logs import import_logs
 
-    say, threads, resume = how
     project, identified = _beside(folder)
+    imports, identifies = within(work, 0.02, 0.1), within(work, 0.1, 0.3)
     import_logs(
         log, out=project, vehicle=vehicle, force=project.exists(),
-        progress=lambda share, words: say(0.02 + 0.08 * share, f"import: {words}"),
+        progress=lambda share, words: tell(imports, share, f"import: {words}"),
     )  # fmt: skip
     campaign = Campaign.load(project / "campaign.toml")
 
     def progress(state: Progress) -> None:
-        say(0.1 + 0.2 * state.fraction, f"identification: {state.what}")
+        tell(identifies, state.fraction, f"identification: {state.what}")
 
-    identification = campaign.identify(
-        work=Work(run_dir=identified, progress=progress, resume=resume, threads=threads)
-    )
+    identification = campaign.identify(work=replace(work, run_dir=identified, progress=progress))
     if identification.interrupted:
         raise KeyboardInterrupt
     return identification, Fitted.of(identification)
@@ -398,19 +360,13 @@ def _held_out(identification: Identification) -> tuple[float, float] | None:
     return (float(t[0]), float(t[-1])) if len(t) else None
 
 
-def _told(identification: Identification) -> dict[str, Any]:
-    return {
-        "good": identification.report().good,
-        "coefficients": {
-            coefficient.name: {
-                "start": coefficient.start,
-                "estimate": coefficient.estimate,
-                "sigma": coefficient.sigma,
-                "at_bound": coefficient.at_bound,
-            }
-            for coefficient in identification.coefficients
-        },
+def _summary(identification: Identification) -> dict[str, Any]:
+    """First line of an identification, and its coefficients as plain data."""
+    fields = ("start", "estimate", "sigma", "at_bound")
+    coefficients = {
+        own.name: {field: getattr(own, field) for field in fields} for own in identification.coefficients
     }
+    return {"good": identification.report().good, "coefficients": coefficients}
 
 
 @dataclass(frozen=True)
@@ -440,41 +396,38 @@ def _tuned(
     flown: Mapping[str, float],
     verdicts: Sequence[AxisVerdict],
     course: Course,
-    how: tuple[int, int, int | None, Say],
+    how: tuple[int, int, Work],
 ) -> tuple[Tuned, Missions, Missions, float]:
     """Parameters tuned, and missions that the search never saw, before and after."""
-    missions, seed, threads, say = how
+    missions, seed, work = how
     rig, period = reflight.rig, course.period_s
-    rise = rise_of(fitted, rig, flown, period_s=period)
+    rise, slew = rise_of(fitted, rig, flown, period_s=period), slew_of(flown)
     loops = {"north" if verdict.loop == "place" else verdict.loop for verdict in verdicts if verdict.judged}
-    slew = slew_of(flown)
-    courses = step_courses(STEPS, rise, period_s=period, slew_deg_s=slew)
+    # The search steps what it can change; all loops are judged.
     own = tuple(name for name in STEPS if name in loops) or STEPS
+    sought, courses = (step_courses(names, rise, period_s=period, slew_deg_s=slew) for names in (own, STEPS))
     voltage = float(np.mean(course.targets[:, 18]))
     model = MarginModel(fitted, rig, period_s=period, voltage_v=voltage, seed=seed)
     tuned = kept.part(
         "tuned",
         lambda: tune_parameters(
-            fitted, rig, step_courses(own, rise, period_s=period, slew_deg_s=slew), flown, verdicts, model,
-            seed=seed, threads=threads,
-            cases=draw_cases(fitted, reflight.wander, LOG_TUNING_SETTINGS.search_missions, seed=seed + 1),
-            say=lambda share, words: say(0.45 + 0.3 * share, words),
+            model, sought, flown, verdicts, seed=seed, work=within(work, 0.45, 0.75),
+            cases=draw_cases(fitted, reflight.wander, SETTINGS.search_missions, seed=seed + 1),
         ),
-        _tuned_to, _tuned_of,
+        asdict, _tuned_of,
     )  # fmt: skip
     cases = draw_cases(fitted, reflight.wander, missions, seed=seed + 2)
 
-    def judged(values: Mapping[str, float], from_: float, words: str) -> Missions:
-        return fly_missions(
-            fitted, rig, courses, values, cases=cases, threads=threads,
-            say=lambda share: say(from_ + 0.12 * share, f"{missions} missions {words}"),
-        )  # fmt: skip
+    def judged(name: str, values: Mapping[str, float], begin: float) -> Missions:
+        def make() -> Missions:
+            stage, what = within(work, begin, begin + 0.12), f"{missions} missions {name}"
+            return fly_missions(fitted, rig, courses, values, cases=cases, work=stage, what=what)
 
-    before = kept.part("before", lambda: judged(flown, 0.75, "before"), Missions.to_dict, Missions.of_dict)
-    if not tuned.changes:
-        return tuned, before, before, rise
-    after = kept.part("after", lambda: judged(tuned.after, 0.87, "after"), Missions.to_dict, Missions.of_dict)
-    return tuned, before, after, rise
+        missed: Missions = kept.part(name, make, Missions.to_dict, Missions.of_dict)
+        return missed
+
+    before = judged("before", flown, 0.75)
+    return tuned, before, judged("after", tuned.after, 0.87) if tuned.changes else before, rise
 
 
 def _reflight_to(reflight: Reflight) -> dict[str, Any]:
@@ -512,10 +465,6 @@ def _reflight_of(data: Mapping[str, Any]) -> Reflight:
 def _with_nan(row: Mapping[str, Any]) -> dict[str, Any]:
     """A row of JSON, which writes what is not a number as null."""
     return {name: math.nan if value is None else value for name, value in row.items()}
-
-
-def _tuned_to(tuned: Tuned) -> dict[str, Any]:
-    return asdict(tuned) | {"changes": [asdict(change) for change in tuned.changes]}
 
 
 def _tuned_of(data: Mapping[str, Any]) -> Tuned:

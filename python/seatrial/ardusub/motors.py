@@ -17,15 +17,8 @@ from typing import Any
 import numpy as np
 
 from seatrial._core import ardusub_forward_lateral, ardusub_frames, ardusub_pulses
-from seatrial.ardusub.comparison import (
-    COMPARISON_SETTINGS,
-    CONTROLS,
-    LIMITS,
-    Comparison,
-    Found,
-    Quantity,
-    Rows,
-)
+from seatrial.ardusub.comparison import CONTROLS, LIMITS, Comparison, Found, Quantity, Rows
+from seatrial.ardusub.comparison import SETTINGS as COMPARED
 from seatrial.base.arrays import Array
 
 _OUTPUTS = 14  # columns of RCOU
@@ -105,9 +98,10 @@ def replay_motors(
         return None
     at, near = outputs.at(rates.t)
     near &= ~work.modes.disarmed(rates.t) & (work.modes.name_at(rates.t) != "MOTOR_DETECT")
-    if near.sum() < COMPARISON_SETTINGS.fewest_rows:
+    if near.sum() < COMPARED.fewest_rows:
         work.cannot("mixer", "pulses of the motors", "too few rows of demands with pulses, armed")
         return None
+    # Throttle runs from 0 to 1 in the log, from -1 to 1 at the mixer.
     t = rates.t[near]
     known = [rates[name][near] for name in ("ROut", "POut", "YOut")] + [2.0 * rates["AOut"][near] - 1.0]
     pulses = np.stack([outputs[name][at[near]] for name in names], 1)
@@ -115,7 +109,7 @@ def replay_motors(
     drive = _Drive(t, np.concatenate([np.stack(known, 1), plane], 1), pulses, _outputs(work.known))
     # All outputs at rest, as of a vehicle that is disarmed, tell no frame; they are judged like all rows.
     active = (pulses[:, :_MOTORS] != _NEUTRAL).any(axis=1)
-    fit = _frame(drive.rows(active) if active.sum() >= COMPARISON_SETTINGS.fewest_rows else drive, work.known)
+    fit = _frame(drive.rows(active) if active.sum() >= COMPARED.fewest_rows else drive, work.known)
     if fit is None:
         why = "no frame of ArduSub explains the pulses; FRAME_CONFIG may be custom"
         work.notes.append(f"Motors: {why}.")
@@ -179,7 +173,7 @@ def replay_sticks(work: Comparison) -> None:
         moved = np.abs(stick) > 10.0 * SETTINGS.stick_rounding
         factor = float(np.median(logged[moved] / stick[moved])) if name == "yaw" and moved.any() else 1.0
         why = "demand and stick differ in a mode in which sticks pass through"
-        work.add(*check, "1", t, logged, factor * stick, limit=SETTINGS.stick_rounding, why=why)
+        work.add(check, "1", t, logged, factor * stick, limit=SETTINGS.stick_rounding, why=why)
         if work.quantities[-1].holds:
             work.quantities[-1] = replace(work.quantities[-1], why="")
 
@@ -202,13 +196,14 @@ def _plane(work: Comparison, t: Array, demand: tuple[Array, Array] | None) -> tu
     for topic in ("PSCN", "PSCE"):
         if unknown.any() and (rows := work.read(topic)) is not None:
             in_place |= unknown & rows.at(t)[1]
+    # There the sticks move the target: the demands follow from the acceleration wanted.
     demanded[in_place] = np.nan
     yaw = np.full(len(t), np.nan)
     for topic in ("ATT", "ANG"):
         if (heading := work.read(topic, "Yaw")) is not None and len(heading.t) > 1:
             near = heading.at(t, SETTINGS.stick_late_s)[1]
             yaw[near] = np.radians(np.interp(t, heading.t, np.unwrap(heading["Yaw"], period=360.0)))[near]
-    if demand is None or len(demand[0]) < COMPARISON_SETTINGS.fewest_rows:
+    if demand is None or len(demand[0]) < COMPARED.fewest_rows:
         return demanded, angles, np.zeros(len(t), bool)
     at, near = Rows(demand[0], {}).at(t)
     counts = near & in_place & np.isfinite(yaw)
@@ -237,7 +232,7 @@ def _with_lean(work: Comparison, drive: _Drive, fit: _Fit, angles: Array, counts
         & (np.abs(solved) > 20.0 * SETTINGS.stick_rounding)
         & (np.abs(solved) < SETTINGS.unlimited_share)
     )
-    if strong.sum() < COMPARISON_SETTINGS.fewest_rows:
+    if strong.sum() < COMPARED.fewest_rows:
         return drive
     ratio = angles[strong] / solved[strong]
     limit = float(np.median(ratio))
@@ -311,7 +306,7 @@ def _fits(drive: _Drive, name: str, shares: Array, known: Mapping[str, float]) -
         left = own * turning - base
         sound = np.isfinite(left[:, use]).all(axis=1) if use else np.zeros(len(left), bool)
         # As many motors as demands would explain any pulses.
-        if len(use) <= rank or sound.sum() < COMPARISON_SETTINGS.fewest_rows:
+        if len(use) <= rank or sound.sum() < COMPARED.fewest_rows:
             continue
         drawn = np.linalg.lstsq(shares[use, 4:], left[sound][:, use].T, rcond=None)[0].T
         _, miss = _signed(own[sound], base[sound] + drawn @ shares[:, 4:].T, tuple(turning.tolist()))
@@ -339,7 +334,7 @@ def _signed(own: Array, wanted: Array, given: Sequence[float]) -> tuple[tuple[fl
                 np.percentile(np.abs(own[rows, k] - sign * wanted[rows, k]), SETTINGS.judged_percentile)
             )
             for sign in ((stated,) if stated else (1.0, -1.0))
-            if rows.sum() >= COMPARISON_SETTINGS.fewest_rows
+            if rows.sum() >= COMPARED.fewest_rows
         }
         sign = min(left, key=lambda each: left[each], default=stated or 1.0)
         signs.append(sign)

@@ -11,15 +11,17 @@ counts as inside. Held by ``tests/ardusub/test_reflight.py``.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.ardusub.course import CHANNELS, FLOWN_SETTINGS, Cases, Course, Rig, fly_course
+from seatrial.ardusub.course import CHANNELS, Cases, Course, Rig, fly_course
+from seatrial.ardusub.course import SETTINGS as FLOWN
 from seatrial.base.arrays import Array
 from seatrial.base.plain import Plain
+from seatrial.base.work import HERE, Work, tell
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -42,7 +44,7 @@ class ReflightSettings:
     current_sd: tuple[float, float] = (0.02, 0.2)
 
 
-REFLIGHT_SETTINGS = ReflightSettings()
+SETTINGS = ReflightSettings()
 
 _PROBES = np.array([0.0, 0.0, 1.0, 0.2, 0.2, 0.2])  # N, N m: steps of the steady wrench
 _UNIT_WANDER = np.array([2.0, 2.0, 2.0, 0.3, 0.3, 0.3])  # N, N m: with which its effect is found
@@ -67,15 +69,14 @@ class Envelope:
     held_out: Any  #: Rows that were not used to fit anything, (n,).
 
     @property
-    def outside(self) -> Any:
-        """Rows (n,) whose measurement is outside; without the first seconds of the course."""
-        settled = self.t >= self.t[0] + REFLIGHT_SETTINGS.settle_s
-        return settled & ((self.measured < self.lower) | (self.measured > self.upper))
+    def counted(self) -> Any:
+        """Rows (n,) that count: without the first seconds of the course."""
+        return self.t >= self.t[0] + SETTINGS.settle_s
 
     @property
-    def counted(self) -> Any:
-        """Rows (n,) that count."""
-        return self.t >= self.t[0] + REFLIGHT_SETTINGS.settle_s
+    def outside(self) -> Any:
+        """Rows (n,) that count and whose measurement is outside."""
+        return self.counted & ((self.measured < self.lower) | (self.measured > self.upper))
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,7 @@ class Share(
     def inside(self) -> bool:
         """Whether the error of the held-out part (of the fit where nothing is held out) is inside."""
         share = self.fit if np.isnan(self.held_out) else self.held_out
-        return bool(share <= REFLIGHT_SETTINGS.accepted_outside_share)
+        return bool(share <= SETTINGS.accepted_outside_share)
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,47 +132,38 @@ def refly(
     hold_out_s: tuple[float, float] | None,
     flights: int = 200,
     seed: int = 0,
-    threads: int | None = None,
-    say: Callable[[float, str], None] = lambda share, words: None,
+    work: Work = HERE,
 ) -> Reflight:
     """Envelope of the loop errors of a log's courses, by `flights` drawn vehicles per course.
 
     `parameters` are those the log was flown with; nothing is fitted to its times `hold_out_s`, s.
     """
     first, last = hold_out_s or (np.inf, np.inf)
-    fits = [
-        ~course.between(first, last) & (course.t >= course.t[0] + REFLIGHT_SETTINGS.settle_s)
-        for course in courses
-    ]
-    work = _Calibration(fitted.vehicle, courses, fits, dict(parameters), threads)
-    say(0.0, "steady wrench and current")
-    rig, current = work.steady(rig)
+    settled = [course.t >= course.t[0] + SETTINGS.settle_s for course in courses]
+    fits = [~course.between(first, last) & rows for course, rows in zip(courses, settled, strict=True)]
+    missing = _Calibration(fitted.vehicle, courses, fits, dict(parameters), work.threads)
+    tell(work, 0.0, "steady wrench and current")
+    rig, current = missing.steady(rig)
     drawn = fitted.draws(flights, seed)
     few = {name: values[:24] for name, values in drawn.items()}
-    say(0.2, "wandering wrench")
-    rig, wander = work.wander(rig, current, few, seed)
-    rng = np.random.default_rng(seed)
-    sd = REFLIGHT_SETTINGS.current_sd[0] + REFLIGHT_SETTINGS.current_sd[1] * np.hypot(*current[:2])
+    tell(work, 0.2, "wandering wrench")
+    rig, wander = missing.wander(rig, current, few, seed)
+    # The current is known no better than its estimate allows, in the plane.
+    rng, (least, share) = np.random.default_rng(seed), SETTINGS.current_sd
+    sd = least + share * np.hypot(*current[:2])
     currents = current + rng.normal(size=(flights, 3)) * np.array([sd, sd, 0.0])
     cases = Cases.of(flights, seed=seed, coefficients=drawn, current=currents, wander=wander)
+    tail = 0.5 - 0.5 * SETTINGS.envelope_share
     envelopes: list[Envelope] = []
     for k, course in enumerate(courses):
-        say(0.5 + 0.5 * k / len(courses), f"{course.name} again, {flights} drawn vehicles")
-        errors = course.errors(
-            fly_course(fitted.vehicle, rig, course, parameters, cases=cases, threads=threads)
-        )
-        for channel, values in errors.items():
+        tell(work, 0.5 + 0.5 * k / len(courses), f"{course.name} again, {flights} drawn vehicles")
+        flown = fly_course(fitted.vehicle, rig, course, parameters, cases=cases, threads=work.threads)
+        for channel, values in course.errors(flown).items():
             if channel not in course.measured:
                 continue
             sound = np.where(np.isfinite(values), values, np.inf)
             lower, middle, upper = np.quantile(
-                sound,
-                [
-                    0.5 - 0.5 * REFLIGHT_SETTINGS.envelope_share,
-                    0.5,
-                    0.5 + 0.5 * REFLIGHT_SETTINGS.envelope_share,
-                ],
-                axis=0,
+                sound, [tail, 0.5, 0.5 + 0.5 * SETTINGS.envelope_share], axis=0
             )
             envelopes.append(
                 Envelope(
@@ -223,7 +215,7 @@ class _Calibration:
         known = [course for course, fit in zip(self.courses, self.fits, strict=True) if fit.any()]
         place = any(course.channels[-1] == "east" for course in known)
         x = np.zeros(6)  # Z, K, M, N, current north and east
-        steps = np.array([*_PROBES[2:], REFLIGHT_SETTINGS.probe_step_m_s, REFLIGHT_SETTINGS.probe_step_m_s])
+        steps = np.array([*_PROBES[2:], SETTINGS.probe_step_m_s, SETTINGS.probe_step_m_s])
         free = 6 if place else 4
         for _ in range(4):
             tried = np.vstack([x, *(x + np.eye(6)[i] * steps[i] for i in range(free))])
@@ -267,7 +259,7 @@ class _Calibration:
         beside it, and as quick.
         """
         quickest: list[tuple[float, Rig]] = []
-        for wander_s in REFLIGHT_SETTINGS.wander_times_s:
+        for wander_s in SETTINGS.wander_times_s:
             tried = replace(rig, wander_s=wander_s)
             left, whole = self._beside(tried, current, drawn, seed, _UNIT_WANDER)
             miss = sum(math.log(whole[name][1] / left[name][1]) ** 2 for name in left if left[name][1] > 0.0)
@@ -289,7 +281,7 @@ class _Calibration:
         """
         k = len(next(iter(drawn.values()))) if drawn else 24
         cases = Cases.of(k, seed=seed, coefficients=drawn, current=current, wander=wander)
-        lag = round(0.3 / FLOWN_SETTINGS.row_s)
+        lag = round(0.3 / FLOWN.row_s)
         sums: dict[str, Array] = {}
         for course, fit in zip(self.courses, self.fits, strict=True):
             if not fit.any():
@@ -304,23 +296,14 @@ class _Calibration:
                 # Beside the mean flight: what gains and steady wrench explain is in it.
                 for own, signals in enumerate((course.measured[channel] - middle, values - middle)):
                     change = (signals[..., lag:] - signals[..., :-lag])[..., fit[lag:]]
-                    row = sums.setdefault(channel, np.zeros((2, 2)))
-                    weight = fit.sum()
-                    row[own] += (
-                        weight * _mean_square(np.atleast_2d(signals)[:, fit]),
-                        weight * _mean_square(np.atleast_2d(change)),
-                    )
+                    squares = [np.mean(np.atleast_2d(part) ** 2) for part in (signals[..., fit], change)]
+                    sums.setdefault(channel, np.zeros((2, 2)))[own] += fit.sum() * np.array(squares)
         sizes_and_rates = {
             name: [(float(size), float(change / max(size, 1e-12))) for size, change in rows]
             for name, rows in sums.items()
         }
         of_log = {name: pair[0] for name, pair in sizes_and_rates.items()}
         return of_log, {name: pair[1] for name, pair in sizes_and_rates.items()}
-
-
-def _mean_square(values: Array) -> float:
-    """Mean square."""
-    return float(np.mean(values**2))
 
 
 def _scaled(

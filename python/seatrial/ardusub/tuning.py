@@ -11,17 +11,20 @@ speed and acceleration. Held by ``tests/ardusub/test_tuning.py``.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from seatrial._core import ardusub_defaults
-from seatrial.ardusub.axes import SOUGHT, AxisVerdict, MarginModel, Margins, margins_of
-from seatrial.ardusub.course import FLOWN_SETTINGS, Cases, Course, Rig, fly_course, still_targets
+from seatrial.ardusub.axes import SOUGHT, AxisVerdict, MarginModel, Margins
+from seatrial.ardusub.course import SETTINGS as FLOWN
+from seatrial.ardusub.course import Cases, Course, Rig, fly_course, still_targets
 from seatrial.ardusub.parameters import Change
 from seatrial.base.arrays import Array
+from seatrial.base.report import wording
+from seatrial.base.work import HERE, Work, tell
 from seatrial.control_design.corridor import Corridor
 
 if TYPE_CHECKING:
@@ -29,6 +32,8 @@ if TYPE_CHECKING:
 
 STEPS = ("yaw", "depth", "north")
 """Channels that step, one after the other."""
+
+_COLUMNS = {"yaw": 2, "depth": 6, "north": 4}  # of the targets
 
 
 @dataclass(frozen=True)
@@ -52,15 +57,18 @@ class ArdusubTuningSettings:
     target_acceleration_m_s2: float = 1.0
     shortest_rise_s: float = 0.4  #: Shortest rise time that a corridor asks for, s: four rows of a response.
     tail_share: float = 0.1  #: Share of the missions, the worst, that the search looks at.
+    generations: int = 10  #: Of the search, with eight candidates each.
     #: Violation that stands for a response that diverged: worse than any other.
     diverged_violation: float = 1e3
 
 
-ARDUSUB_TUNING_SETTINGS = ArdusubTuningSettings()
+SETTINGS = ArdusubTuningSettings()
 
-LENGTH_S = ARDUSUB_TUNING_SETTINGS.first_step_s + len(STEPS) * ARDUSUB_TUNING_SETTINGS.between_steps_s
+LENGTH_S = SETTINGS.first_step_s + len(STEPS) * SETTINGS.between_steps_s
 
-SIZES_DEG = tuple(size for size, _, _ in ARDUSUB_TUNING_SETTINGS.step_sizes)
+_CHUNK = 64  # missions that fly at a time: their rows fit into memory
+
+SIZES_DEG = tuple(size for size, _, _ in SETTINGS.step_sizes)
 """Steps of yaw of the courses, deg."""
 
 
@@ -75,14 +83,8 @@ class Spread:
     fall: float = 0.1  #: Largest share that is lost until the end.
     sag: float = 0.1  #: Largest share that is lost at full load.
 
-    def sentence(self) -> str:
-        """What is drawn, in words."""
-        return (
-            f"Drawn: vehicle from the covariance, current up to {self.current_m_s:g} m/s, tether up to"
-            f" {self.tether_n:g} N, thrust at the beginning from {100 * self.battery:.0f} % (battery), up to"
-            f" {100 * self.fall:.0f} % lost on the way and {100 * self.sag:.0f} % at full load, and the"
-            " wandering wrench that was found."
-        )
+
+SPREAD = Spread()
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,42 +146,29 @@ class Tuned:
 
 
 def step_courses(
-    channels: Sequence[str],
-    rise_s: float,
-    *,
-    period_s: float,
-    slew_deg_s: float = ARDUSUB_TUNING_SETTINGS.slew_rate_deg_s,
+    channels: Sequence[str], rise_s: float, *, period_s: float, slew_deg_s: float = SETTINGS.slew_rate_deg_s
 ) -> tuple[tuple[Course, tuple[Step, ...]], ...]:
     """Courses of four sizes that step some of yaw, depth and north, and their steps.
 
     `rise_s` is that of a step of yaw of 60 deg, see `rise_of`; a yaw target turns by `slew_deg_s`.
     """
-    every = round(FLOWN_SETTINGS.row_s / period_s)
+    every = round(FLOWN.row_s / period_s)
     own = tuple(name for name in STEPS if name in channels)
-    n = (
-        round(
-            (ARDUSUB_TUNING_SETTINGS.first_step_s + len(own) * ARDUSUB_TUNING_SETTINGS.between_steps_s)
-            / FLOWN_SETTINGS.row_s
-        )
-        * every
-    )
+    length_s = SETTINGS.first_step_s + len(own) * SETTINGS.between_steps_s
+    n = round(length_s / FLOWN.row_s) * every
     t: Array = np.asarray(period_s * np.arange(n), float)
     made = []
-    for sizes in ARDUSUB_TUNING_SETTINGS.step_sizes:
+    for sizes in SETTINGS.step_sizes:
         targets, steps = still_targets(n), []
         corridors = corridors_of(rise_s, size_deg=sizes[0], slew_deg_s=slew_deg_s)
         for i, channel in enumerate(own):
-            at, size = (
-                ARDUSUB_TUNING_SETTINGS.first_step_s + i * ARDUSUB_TUNING_SETTINGS.between_steps_s,
-                sizes[STEPS.index(channel)],
-            )
+            at, size = SETTINGS.first_step_s + i * SETTINGS.between_steps_s, sizes[STEPS.index(channel)]
             steps.append(Step(channel, at, size, corridors[channel]))
             if channel == "yaw":
                 targets[:, 2] = np.where(t >= at, math.radians(size), 0.0)
                 continue
-            column = {"depth": 6, "north": 4}[channel]
             for offset, values in zip((0, 3, 6), _moved(t - at, size), strict=True):
-                targets[:, column + offset] += values
+                targets[:, _COLUMNS[channel] + offset] += values
         course = Course(
             ", ".join(f"{step.channel} {step.size:+g}" for step in steps), t[::every], targets, period_s,
             np.array([0.0, 0.0, 5.0]), np.zeros(3), np.zeros(6), np.zeros(7),
@@ -193,14 +182,12 @@ def _moved(since: Array, size: float) -> tuple[Array, Array, Array]:
 
     It speeds up, moves on and slows down; a short way is over before it is at full speed.
     """
-    speed = min(
-        ARDUSUB_TUNING_SETTINGS.target_speed_m_s,
-        math.sqrt(ARDUSUB_TUNING_SETTINGS.target_acceleration_m_s2 * abs(size)),
-    )
-    ramp = speed / ARDUSUB_TUNING_SETTINGS.target_acceleration_m_s2
+    most = SETTINGS.target_acceleration_m_s2
+    speed = min(SETTINGS.target_speed_m_s, math.sqrt(most * abs(size)))
+    ramp = speed / most
     lasts = abs(size) / speed + ramp
     up, down = np.clip(since, 0.0, ramp), np.clip(since - (lasts - ramp), 0.0, ramp)
-    sign = math.copysign(ARDUSUB_TUNING_SETTINGS.target_acceleration_m_s2, size)
+    sign = math.copysign(most, size)
     within = (since >= 0.0) & (since < lasts)
     acceleration = sign * (within & (since < ramp)) - sign * (within & (since >= lasts - ramp))
     steady = np.clip(since - ramp, 0.0, lasts - 2.0 * ramp)
@@ -209,10 +196,7 @@ def _moved(since: Array, size: float) -> tuple[Array, Array, Array]:
 
 
 def corridors_of(
-    rise_s: float,
-    *,
-    size_deg: float = ARDUSUB_TUNING_SETTINGS.rise_step_deg,
-    slew_deg_s: float = ARDUSUB_TUNING_SETTINGS.slew_rate_deg_s,
+    rise_s: float, *, size_deg: float = SETTINGS.rise_step_deg, slew_deg_s: float = SETTINGS.slew_rate_deg_s
 ) -> dict[str, Corridor]:
     """Corridors of the steps: yaw has risen by `rise_s`; depth and place follow a target that moves.
 
@@ -225,12 +209,8 @@ def corridors_of(
         )
         for name, rise in (("depth", 5.5), ("north", 8.0))
     }
-    more = (
-        0.9 * (abs(size_deg) - ARDUSUB_TUNING_SETTINGS.rise_step_deg) / slew_deg_s
-        if slew_deg_s > 0.0
-        else 0.0
-    )
-    rise = min(max(rise_s + more, ARDUSUB_TUNING_SETTINGS.shortest_rise_s), 5.0)
+    more = 0.9 * (abs(size_deg) - SETTINGS.rise_step_deg) / slew_deg_s if slew_deg_s > 0.0 else 0.0
+    rise = min(max(rise_s + more, SETTINGS.shortest_rise_s), 5.0)
     own = Corridor.from_figures(
         rise_s=rise, overshoot=0.1, settled=0.05, settling_s=min(2.0 * rise, 10.0), until_s=11.0
     )
@@ -240,28 +220,21 @@ def corridors_of(
 def slew_of(parameters: Mapping[str, float]) -> float:
     """Rate at which a yaw target turns with some parameters, deg/s."""
     slew, most = (
-        parameters.get("ATC_RATE_WPY_MAX", ARDUSUB_TUNING_SETTINGS.slew_rate_deg_s),
+        parameters.get("ATC_RATE_WPY_MAX", SETTINGS.slew_rate_deg_s),
         parameters.get("ATC_RATE_Y_MAX", 0.0),
     )
     return min(slew, most) if most > 0.0 else slew
 
 
-def draw_cases(fitted: Fitted, wander: Array, k: int, *, seed: int, spread: Spread | None = None) -> Cases:
-    """Cases of missions: vehicle, current, tether, battery and wandering wrench."""
-    own = spread or Spread()
+def draw_cases(fitted: Fitted, wander: Array, k: int, *, seed: int) -> Cases:
+    """Cases of missions: vehicle, current, tether, battery and wandering wrench, as far as `SPREAD` goes."""
     rng = np.random.default_rng([seed, 20])
     toward, pulls = rng.uniform(0.0, 2.0 * np.pi, (2, k))
-    speed, force = rng.uniform(0.0, own.current_m_s, k), rng.uniform(0.0, own.tether_n, k)
+    speed, force = rng.uniform(0.0, SPREAD.current_m_s, k), rng.uniform(0.0, SPREAD.tether_n, k)
     current = np.stack([speed * np.cos(toward), speed * np.sin(toward), np.zeros(k)], 1)
     tether = np.stack([force * np.cos(pulls), force * np.sin(pulls), -rng.uniform(0.0, 0.5, k) * force], 1)
-    supply = np.stack(
-        [
-            rng.uniform(own.battery, 1.0, k),
-            rng.uniform(0.0, own.fall, k) / LENGTH_S,
-            rng.uniform(0.0, own.sag, k),
-        ],
-        1,
-    )
+    full, fall = rng.uniform(SPREAD.battery, 1.0, k), rng.uniform(0.0, SPREAD.fall, k) / LENGTH_S
+    supply = np.stack([full, fall, rng.uniform(0.0, SPREAD.sag, k)], 1)
     return Cases.of(
         k, seed=1_000_000 * (seed + 1), coefficients=fitted.draws(k, seed), current=current, wander=wander,
         tether=tether, supply=supply,
@@ -275,11 +248,10 @@ def fly_missions(
     parameters: Mapping[str, Any],
     *,
     cases: Cases,
-    threads: int | None = None,
-    say: Callable[[float], None] = lambda share: None,
-    chunk: int = 64,
+    work: Work = HERE,
+    what: str = "missions",
 ) -> Missions:
-    """Violations of the cases, which are dealt out to the courses in turn."""
+    """Violations of the cases, which are dealt out to the courses in turn; progress tells `what` flies."""
     channels = [step.channel for step in courses[0][1]]
     violations = {name: np.zeros(len(cases)) for name in channels}
     responses: dict[str, list[Array]] = {name: [] for name in channels}
@@ -288,47 +260,48 @@ def fly_missions(
     for c, (course, steps) in enumerate(courses):
         # Dealt out in turn: every course meets the same spread of vehicles.
         mine = np.arange(c, len(cases), len(courses))
-        for first in range(0, len(mine), chunk):
-            own = mine[first : first + chunk]
+        for first in range(0, len(mine), _CHUNK):
+            own = mine[first : first + _CHUNK]
             given = {
                 name: np.asarray(value, float)[own] if np.ndim(value) else value
                 for name, value in parameters.items()
             }
-            errors = course.errors(
-                fly_course(fitted.vehicle, rig, course, given, cases=cases.take(own), threads=threads)
+            flown = fly_course(
+                fitted.vehicle, rig, course, given, cases=cases.take(own), threads=work.threads
             )
+            errors = course.errors(flown)
             for step in steps:
-                rows = course.between(
-                    step.at_s - 1e-6, step.at_s + ARDUSUB_TUNING_SETTINGS.between_steps_s - 1e-6
-                )
-                since = course.t[rows] - step.at_s
-                response = _normalised(step, errors[step.channel], course)[:, rows]
+                since, response = _response(step, errors, course)
                 violations[step.channel][own] = _violation(step.corridor, since, response)
+                # Steps of one size can be drawn together: those of the first course.
                 if c == 0:
                     responses[step.channel].append(response)
             done += len(own)
-            say(done / len(cases))
+            tell(work, done / len(cases), what)
+    shares = [0.0, 0.025, 0.5, 0.975, 1.0]
     bands = {
-        name: np.quantile(
-            np.where(
-                np.isfinite(pooled := np.concatenate(parts)),
-                pooled,
-                ARDUSUB_TUNING_SETTINGS.diverged_violation,
-            ),
-            [0.0, 0.025, 0.5, 0.975, 1.0],
-            axis=0,
-        )
-        for name, parts in responses.items()
+        name: np.quantile(_finite(np.concatenate(parts)), shares, axis=0) for name, parts in responses.items()
     }
     return Missions(violations, bands, since)
+
+
+def _finite(response: Array) -> Array:
+    """A response with what stands for numbers of one that diverged."""
+    return np.where(np.isfinite(response), response, SETTINGS.diverged_violation)
+
+
+def _response(step: Step, errors: Mapping[str, Array], course: Course) -> tuple[Array, Array]:
+    """Times (n,) since a step until the next one, s, and normalised responses (k, n) to it."""
+    end = step.at_s + SETTINGS.between_steps_s
+    rows = course.between(step.at_s - 1e-6, end - 1e-6)
+    return course.t[rows] - step.at_s, _normalised(step, errors[step.channel], course)[:, rows]
 
 
 def _normalised(step: Step, errors: Array, course: Course) -> Array:
     """Response (k, n): 0 before the step and 1 at the new set point, against where it stood before."""
     before = course.between(step.at_s - 1.0, step.at_s - 1e-6)
     offset = errors[:, before].mean(axis=1, keepdims=True)
-    column = {"yaw": 2, "depth": 6, "north": 4}[step.channel]
-    target = course.targets[:: course.every, column]
+    target = course.targets[:: course.every, _COLUMNS[step.channel]]
     way = target - target[before].mean()
     if step.channel == "yaw":
         way = np.degrees(way)
@@ -339,18 +312,15 @@ def _normalised(step: Step, errors: Array, course: Course) -> Array:
 def _violation(corridor: Corridor, since: Array, response: Array) -> Array:
     """Time integral (k,) of what is outside, s."""
     lower, upper = corridor.sampled(since)
-    sound = np.where(np.isfinite(response), response, ARDUSUB_TUNING_SETTINGS.diverged_violation)
+    sound = _finite(response)
     below, above = np.maximum(lower - sound, 0.0), np.maximum(sound - upper, 0.0)
-    return np.asarray(
-        (corridor.weight_lower * below + corridor.weight_upper * above).sum(axis=1) * FLOWN_SETTINGS.row_s
-    )
+    outside = corridor.weight_lower * below + corridor.weight_upper * above
+    return np.asarray(outside.sum(axis=1) * FLOWN.row_s)
 
 
 def rise_of(fitted: Fitted, rig: Rig, parameters: Mapping[str, float], *, period_s: float) -> float:
     """Time after which yaw has risen by 90 % of a step of 60 deg, s: nominal vehicle, still water."""
-    course, steps = step_courses(("yaw",), 2.0, period_s=period_s)[
-        SIZES_DEG.index(ARDUSUB_TUNING_SETTINGS.rise_step_deg)
-    ]
+    course, steps = step_courses(("yaw",), 2.0, period_s=period_s)[SIZES_DEG.index(SETTINGS.rise_step_deg)]
     still = replace(rig, noise=(0.0, 0.0))
     errors = course.errors(fly_course(fitted.vehicle, still, course, parameters, cases=Cases.of(1)))
     response = _normalised(steps[0], errors["yaw"], course)[0]
@@ -360,97 +330,66 @@ def rise_of(fitted: Fitted, rig: Rig, parameters: Mapping[str, float], *, period
 
 
 def tune_parameters(
-    fitted: Fitted,
-    rig: Rig,
+    model: MarginModel,
     courses: Sequence[tuple[Course, tuple[Step, ...]]],
     before: Mapping[str, float],
     verdicts: Sequence[AxisVerdict],
-    model: MarginModel,
     *,
     cases: Cases,
-    generations: int = 10,
+    generations: int = SETTINGS.generations,
     seed: int = 0,
-    threads: int | None = None,
-    say: Callable[[float, str], None] = lambda share, words: None,
+    work: Work = HERE,
 ) -> Tuned:
     """Parameters of the loops that can be judged, sought by CMA-ES over their logarithms.
 
-    Cost: mean violation of the worst tenth of the missions over all steps, a hundredth of the mean deviation,
-    and ten times what the margins lack. The recorded parameters stay where no candidate is better, and
-    changes without which the cost is nearly the same are put back.
+    Vehicle and rig are those of `model`. Cost: mean violation of the worst tenth of the missions over all
+    steps, a hundredth of the mean deviation, and ten times what the margins lack. The recorded parameters
+    stay where no candidate is better, and changes without which the cost is nearly the same are put back.
     """
     import cma
 
     loops = [verdict.loop for verdict in verdicts if verdict.judged]
     start = {**ardusub_defaults(), **before}
-    names = [name for loop in loops for name in SOUGHT[loop]]
-    margins_before = margins_of(model, loops, start)
-    if not names:
+    sought = {name: ends for loop in loops for name, ends in SOUGHT[loop].items()}
+    if not sought:
         return Tuned(dict(before), dict(before), (), {}, 0)
+    names, margins_before = list(sought), [model.of(loop, start) for loop in loops]
+    # A recorded value beyond ArduPilot's range widens it: nothing has to change.
     bounds = {
         name: (min(low, start[name]) if start[name] > 0.0 else low, max(high, start[name]))
-        for loop in loops
-        for name, (low, high) in SOUGHT[loop].items()
+        for name, (low, high) in sought.items()
     }
-    low, high = (np.log([bounds[name][i] for name in names]) for i in (0, 1))
+    low, high = np.log(list(bounds.values())).T
     first = np.clip(np.log([max(start[name], bounds[name][0]) for name in names]), low, high)
-    count = len(cases)
+    flights = _Flights(model, courses, before, cases, work.threads)
 
     def costs(candidates: Array) -> Array:
-        """Cost (m,) of candidates (m, p): all of them in one batch."""
+        """Cost (m,) of candidates (m, p), logarithms of the parameters: all of them in one batch."""
         values = np.exp(candidates)
-        tiled = cases.take(np.tile(np.arange(count), len(values)))
-        own = {name: np.repeat(values[:, i], count) for i, name in enumerate(names)}
-        # Each candidate flies the same cases on the same courses.
-        violation = np.zeros((len(values), count))
-        for c, (course, steps) in enumerate(courses):
-            mine = np.concatenate([m * count + np.arange(c, count, len(courses)) for m in range(len(values))])
-            given = {**before, **{name: values_of[mine] for name, values_of in own.items()}}
-            errors = course.errors(
-                fly_course(fitted.vehicle, rig, course, given, cases=tiled.take(mine), threads=threads)
-            )
-            total = np.zeros(len(mine))
-            for step in steps:
-                rows = course.between(
-                    step.at_s - 1e-6, step.at_s + ARDUSUB_TUNING_SETTINGS.between_steps_s - 1e-6
-                )
-                response = _normalised(step, errors[step.channel], course)[:, rows]
-                total += _violation(step.corridor, course.t[rows] - step.at_s, response)
-                total += (
-                    0.01
-                    * np.abs(
-                        np.where(np.isfinite(response), response, ARDUSUB_TUNING_SETTINGS.diverged_violation)
-                        - 1.0
-                    ).sum(axis=1)
-                    * FLOWN_SETTINGS.row_s
-                )
-            violation.reshape(-1)[mine] = total
-        worst = np.sort(violation, axis=1)[
-            :, -max(round(ARDUSUB_TUNING_SETTINGS.tail_share * count), 1) :
-        ].mean(axis=1)
+        worst = flights.worst(names, values)
         lacking = []
         for row in values.tolist():
             tried = {**start, **dict(zip(names, row, strict=True))}
-            own_margins = margins_of(model, loops, tried)
-            lacking.append(sum(a.lacking(b) for a, b in zip(own_margins, margins_before, strict=True)))
+            own = [model.of(loop, tried) for loop in loops]
+            lacking.append(sum(a.lacking(b) for a, b in zip(own, margins_before, strict=True)))
         return np.asarray(worst + 10.0 * np.array(lacking))
 
+    # The recorded values are the first candidate: none that is worse is taken.
     as_flown = float(costs(first[None])[0])
     best, best_cost, evaluations = first, as_flown, 1
     search = cma.CMAEvolutionStrategy(
         first, 0.35, {"bounds": [low.tolist(), high.tolist()], "seed": seed + 1, "verbose": -9, "popsize": 8}
     )
-    for generation in range(generations):
+    for generation in range(1, generations + 1):
         tried = np.array(search.ask())
         cost = costs(tried)
         search.tell(list(tried), cost.tolist())
         evaluations += len(tried)
         if cost.min() < best_cost:
             best, best_cost = tried[int(cost.argmin())], float(cost.min())
-        say(
-            (generation + 1) / generations,
-            f"gains, generation {generation + 1} of {generations}, cost {best_cost:.3g} of {as_flown:.3g}",
-        )
+        state = f"gains, generation {generation} of {generations}, cost {best_cost:.3g} of {as_flown:.3g}"
+        tell(work, generation / generations, state)
+    # Three digits are loaded; what differs by less than two percent stays as it is.
     rounded = {name: float(f"{value:.3g}") for name, value in zip(names, np.exp(best).tolist(), strict=True)}
     changed = {
         name: value for name, value in rounded.items() if abs(value - start[name]) > 0.02 * start[name]
@@ -475,20 +414,50 @@ def tune_parameters(
             best_cost = reached
             break
         del changed[least]
-    after = {**before, **changed}
-    margins_after = margins_of(model, loops, {**start, **changed})
+    margins = [(own, model.of(own.loop, {**start, **changed})) for own in margins_before]
+    why = wording("ardusub").why_changed
     changes = tuple(
         Change(
-            name,
-            float(f"{start[name]:.4g}"),
-            value,
-            f"worst tenth of {count} missions: out of the corridor for {as_flown:.3f} s before,"
-            f" {best_cost:.3f} s after, {alone[name]:.3f} s without this change"
-            " (cost includes missing margins)"
-            + ("; at the end of ArduPilot's range" if value > 0.95 * bounds[name][1] else ""),
+            name, float(f"{start[name]:.4g}"), value,
+            why(len(cases), (as_flown, best_cost, alone[name]), at_end=value > 0.95 * bounds[name][1]),
             bounds[name],
         )
         for name, value in changed.items()
-    )
-    both = {b.loop: (b, a) for b, a in zip(margins_before, margins_after, strict=True)}
-    return Tuned(dict(before), after, changes, both, evaluations)
+    )  # fmt: skip
+    after = {**before, **changed}
+    return Tuned(dict(before), after, changes, {own.loop: (own, new) for own, new in margins}, evaluations)
+
+
+@dataclass(frozen=True)
+class _Flights:
+    """The missions that every candidate of a search flies."""
+
+    model: MarginModel
+    courses: Sequence[tuple[Course, tuple[Step, ...]]]
+    before: Mapping[str, float]
+    cases: Cases
+    threads: int | None
+
+    def worst(self, names: Sequence[str], values: Array) -> Array:
+        """Mean violation (m,) of the worst tenth of the missions of candidates (m, p), s.
+
+        A hundredth of the mean deviation counts too, so that a search sees a slope inside of the corridors.
+        """
+        count, every = len(self.cases), len(self.courses)
+        tiled = self.cases.take(np.tile(np.arange(count), len(values)))
+        own = {name: np.repeat(values[:, i], count) for i, name in enumerate(names)}
+        # Each candidate flies the same cases on the same courses.
+        violation = np.zeros((len(values), count))
+        for c, (course, steps) in enumerate(self.courses):
+            mine = np.concatenate([m * count + np.arange(c, count, every) for m in range(len(values))])
+            given = {**self.before, **{name: values_of[mine] for name, values_of in own.items()}}
+            vehicle, rig, cases = self.model.fitted.vehicle, self.model.rig, tiled.take(mine)
+            errors = course.errors(fly_course(vehicle, rig, course, given, cases=cases, threads=self.threads))
+            total = np.zeros(len(mine))
+            for step in steps:
+                since, response = _response(step, errors, course)
+                total += _violation(step.corridor, since, response)
+                total += 0.01 * np.abs(_finite(response) - 1.0).sum(axis=1) * FLOWN.row_s
+            violation.reshape(-1)[mine] = total
+        tail = max(round(SETTINGS.tail_share * count), 1)
+        return np.asarray(np.sort(violation, axis=1)[:, -tail:].mean(axis=1))

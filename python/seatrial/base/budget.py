@@ -180,6 +180,7 @@ def guarded(
     and those of a stream that takes no more pass.
     """
     meter = _Meter(budget or Budget(), size)
+    # Blocks within blocks: each is ended by its own meter.
     meters = _METERS.__dict__.setdefault("all", [])
     meters.append(meter)
     try:

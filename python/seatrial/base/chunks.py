@@ -35,9 +35,9 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from seatrial._core import simd_level
-from seatrial.base.blas_threads import one_blas_thread
 from seatrial.base.errors import SeatrialError
 from seatrial.base.run import RunDirectory, sha256, version
+from seatrial.base.work import one_blas_thread
 
 if TYPE_CHECKING:
     from seatrial.base.fleet import Fleet

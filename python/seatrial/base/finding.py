@@ -33,29 +33,15 @@ class Severity(IntEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """What was found, with its numbers.
+    """What was found, with its numbers."""
 
-    Attributes
-    ----------
-    kind
-        Which of the kinds that `seatrial.report` has words for, such as "waypoint missed".
-    severity
-    subject
-        What it is about: a leg, a loop, a channel, a coefficient.
-    values
-        Numbers by name with their unit in it, and names, that words and remedy need.
-    cause
-        The finding that explains this one.
-    at_s
-        When it began, s; nan where that says nothing.
-    """
-
-    kind: str
+    kind: str  #: Which of the kinds that `seatrial.report` has words for, such as "waypoint missed".
     severity: Severity
-    subject: str = ""
+    subject: str = ""  #: What it is about: a leg, a loop, a channel, a coefficient.
+    #: Numbers by name with their unit in it, and names, that words and remedy need.
     values: Mapping[str, Any] = field(default_factory=dict)
-    cause: Finding | None = None
-    at_s: float = math.nan
+    cause: Finding | None = None  #: The finding that explains this one.
+    at_s: float = math.nan  #: When it began, s; nan where that says nothing.
 
     @property
     def root(self) -> Finding:

@@ -68,13 +68,7 @@ class Fleet(ABC):
         return True
 
     def recover(self) -> None:  # noqa: B027 (most have nothing to do)
-        """Wait until there is somebody to work again.
-
-        Raises
-        ------
-        SeatrialError
-            There is nobody.
-        """
+        """Wait until there is somebody to work again; raises `SeatrialError` where there is nobody."""
 
 
 Workers = Executor | Fleet | str

@@ -15,14 +15,7 @@ T = TypeVar("T")
 
 
 def front(room: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
-    """Module-level ``__getattr__`` (PEP 562) of a room.
-
-    Parameters
-    ----------
-    room : str
-        The package's ``__name__``.
-    homes : mapping of str to str
-        Public name to the module inside the room that defines it.
+    """Module-level ``__getattr__`` (PEP 562) of a room, by the module in it that defines each public name.
 
     Examples
     --------

@@ -76,12 +76,16 @@ class Table:
         shown = self.filled()
         if not shown.rows:
             return ""
-        body = text_table(
-            [column.head for column in shown.columns],
-            shown.rows,
-            align=[column.align for column in shown.columns],
-        )
-        return "\n".join(part for part in (self.title, body, self.note) if part)
+        cells = [tuple(column.head for column in shown.columns), *shown.rows]
+        widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+        lines = [
+            "  ".join(
+                cell.rjust(width) if column.align == "right" else cell.ljust(width)
+                for cell, width, column in zip(row, widths, shown.columns, strict=True)
+            ).rstrip()
+            for row in cells
+        ]
+        return "\n".join(part for part in (self.title, "\n".join(lines), self.note) if part)
 
 
 @dataclass(frozen=True)
@@ -96,30 +100,16 @@ class Section:
 
 @dataclass(frozen=True)
 class Report:
-    """What a result says, the most important first.
+    """What a result says, the most important first."""
 
-    Attributes
-    ----------
-    title
-        Name of what was judged: a campaign, a vehicle, a flight.
-    outcome
-        The result in a word or two: "identified", "failed", "interrupted".
-    good
-        How good it is: a sentence with a number and a unit, against a limit or a baseline where there is one.
-    worst
-        The worst problem, a sentence.
-    next_step
-        What to do next, a sentence.
-    sections
-        Tables and sentences in the order of reading.
-    """
-
-    title: str
-    outcome: str
+    title: str  #: Name of what was judged: a campaign, a vehicle, a flight.
+    outcome: str  #: The result in a word or two: "identified", "failed", "interrupted".
+    #: How good it is: a sentence with a number and a unit, against a limit or a baseline where there is
+    #: one.
     good: str
-    worst: str
-    next_step: str
-    sections: tuple[Section, ...] = ()
+    worst: str  #: The worst problem, a sentence.
+    next_step: str  #: What to do next, a sentence.
+    sections: tuple[Section, ...] = ()  #: Tables and sentences in the order of reading.
 
     def lines(self) -> tuple[str, str, str]:
         """How good, the worst problem, what to do next: a line each."""
@@ -182,7 +172,7 @@ class Report:
 
         Raises
         ------
-        KeyError, TypeError, ValueError
+        ValueError
             The data are not those of a report.
 
         Examples
@@ -191,9 +181,17 @@ class Report:
         >>> Report.of_dict(report.to_dict()) == report
         True
         """
-        sections = tuple(_section_of(section) for section in data["sections"])
-        words = {key: str(data[key]) for key in ("title", "outcome", "good", "worst", "next_step")}
-        return cls(**words, sections=sections)
+        from pydantic import TypeAdapter, ValidationError
+
+        try:
+            report = TypeAdapter(cls).validate_python(data)
+        except ValidationError as error:
+            wrong = error.errors()[0]
+            raise ValueError(f"{'.'.join(map(str, wrong['loc']))}: {wrong['msg']}") from None
+        for table in (table for section in report.sections for table in section.tables):
+            if any(len(row) != len(table.columns) for row in table.rows):
+                raise ValueError(f"table {table.title!r}: expected {len(table.columns)} cells in every row")
+        return report
 
     def files(self) -> dict[str, str | bytes]:
         """Files of a run directory by name: the report as text, and as plain data."""
@@ -244,17 +242,6 @@ def writer_of(result: object) -> Any:
     return importlib.import_module("seatrial.report.results").writer_of(result)
 
 
-def words_of(finding: Finding) -> str:
-    """Problem and remedy of a finding about a recording, in the words of `seatrial.report.results`."""
-    words = importlib.import_module("seatrial.report.results.trial_findings")
-    return f"{words.problem(finding)}; {words.remedy(finding)}"
-
-
-def clause_of(what: object, writer: str) -> str:
-    """A finding, or the like, as a clause in the words of a module of `seatrial.report.results`."""
-    return str(importlib.import_module(f"seatrial.report.results.{writer}").problem(what))
-
-
 def report_of(result: object, **options: Any) -> Report:
     """Report of a result, in the words of `seatrial.report.results`.
 
@@ -265,58 +252,30 @@ def report_of(result: object, **options: Any) -> Report:
     return report
 
 
-def sentence_of(finding: Finding, writer: str) -> str:
-    """A finding as a sentence, in the words of a module of `seatrial.report.results`."""
-    return str(wording(writer).sentence(finding))
-
-
-def words_about(result: object, writer: str) -> list[str]:
-    """Sentences about a part of a result, in the words of a module of `seatrial.report.results`."""
-    return list(wording(writer).sentences(result))
-
-
 def wording(writer: str) -> Any:
     """Module of `seatrial.report.results` by name; it lies above all results, and is loaded when needed."""
     return importlib.import_module(f"seatrial.report.results.{writer}")
 
 
-def _section_of(data: Mapping[str, Any]) -> Section:
-    """Section of plain data."""
-    tables = tuple(_table_of(table) for table in data["tables"])
-    return Section(str(data["title"]), tuple(map(str, data["sentences"])), tables, bool(data["details"]))
+def words_of(finding: Finding) -> str:
+    """Problem and remedy of a finding about a recording."""
+    words = wording("trial_findings")
+    return f"{words.problem(finding)}; {words.remedy(finding)}"
 
 
-def _table_of(data: Mapping[str, Any]) -> Table:
-    """Table of plain data; every row has a cell per column."""
-    sides: dict[str, Literal["left", "right"]] = {"left": "left", "right": "right"}
-    columns = tuple(
-        Column(str(column["name"]), str(column["unit"]), sides[column["align"]]) for column in data["columns"]
-    )
-    rows = tuple(tuple(map(str, row)) for row in data["rows"])
-    if any(len(row) != len(columns) for row in rows):
-        raise ValueError(f"table {data['title']!r}: expected {len(columns)} cells in every row")
-    return Table(str(data["title"]), columns, rows, str(data["note"]))
+def clause_of(what: object, writer: str) -> str:
+    """A finding, or the like, as a clause in the words of a module."""
+    return str(wording(writer).problem(what))
 
 
-def text_table(
-    head: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    *,
-    align: Sequence[Literal["left", "right"]] | None = None,
-) -> str:
-    """Text table with aligned columns, to the left unless said otherwise; empty without rows."""
-    if not rows:
-        return ""
-    sides = align or ["left"] * len(head)
-    widths = [max(len(row[i]) for row in [head, *rows]) for i in range(len(head))]
-    lines = [
-        "  ".join(
-            cell.rjust(width) if side == "right" else cell.ljust(width)
-            for cell, width, side in zip(row, widths, sides, strict=True)
-        )
-        for row in [head, *rows]
-    ]
-    return "\n".join(line.rstrip() for line in lines)
+def sentence_of(finding: Finding, writer: str) -> str:
+    """A finding as a sentence in the words of a module."""
+    return str(wording(writer).sentence(finding))
+
+
+def words_about(result: object, writer: str) -> list[str]:
+    """Sentences about a part of a result in the words of a module."""
+    return list(wording(writer).sentences(result))
 
 
 _SHORT_WORDS = (

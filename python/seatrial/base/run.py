@@ -49,11 +49,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib import metadata
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Literal, Self, get_args
+from typing import TYPE_CHECKING, Any, Literal, Self, TypeVar, get_args
 
 from seatrial._core import simd_level
-from seatrial.base.atomic_write import (
+from seatrial.base.errors import SeatrialError
+from seatrial.base.files import (
     absolute,
+    file_name,
     lock,
     make_folders,
     refusal,
@@ -62,11 +64,10 @@ from seatrial.base.atomic_write import (
     unlock,
     write_atomic,
 )
-from seatrial.base.blas_threads import one_blas_thread
-from seatrial.base.errors import SeatrialError
-from seatrial.base.file_names import file_name
 from seatrial.base.report import Reported
-from seatrial.base.work import Clock
+from seatrial.base.work import Clock, one_blas_thread
+
+T = TypeVar("T")
 
 Content = str | bytes | Callable[[Path], None]
 """What stands in a file, or what writes it to a path: for a table that memory may not hold."""
@@ -97,21 +98,11 @@ _PACKAGES = ("seatrial", "numpy", "scipy", "cma", "polars")
 class RunDirectory:
     """Folder of one run, locked until the run is published or closed. Use it in a ``with`` statement.
 
-    Parameters
-    ----------
-    path : str, Path or None
-        Made when it does not exist; an earlier run's is replaced by `publish`. None: nothing is kept, so that
-        a caller needs no second path through its code.
-    kind : str, optional
-        Of the run: a folder with one of another kind is refused now rather than by `publish`.
-    resume : bool, optional
-        Whether `finished` finds what an earlier run kept.
-
-    Raises
-    ------
-    SeatrialError
-        The folder cannot be written, holds something that is not a run or one of another kind, or another
-        process works in it.
+    `path`: made when it does not exist; an earlier run's is replaced by `publish`; None: nothing is kept, so
+    that a caller needs no second path through its code. `kind`: of the run: a folder with one of another kind
+    is refused now rather than by `publish`. `resume`: whether `finished` finds what an earlier run kept.
+    Raises `SeatrialError`: the folder cannot be written, holds something that is not a run or one of another
+    kind, or another process works in it.
     """
 
     def __init__(self, path: str | Path | None, kind: Kind | None = None, *, resume: bool = True) -> None:
@@ -154,63 +145,44 @@ class RunDirectory:
 
     def finished(self, part: str, inputs: str) -> dict[str, Any] | None:
         """Result of a part that an earlier run finished from the same inputs, if there is one."""
-        if self.path is None or not self.resume:
+
+        def usable(content: bytes) -> dict[str, Any] | None:
+            kept = from_json(content.decode())
+            return kept if isinstance(kept, dict) and kept.get("inputs") == inputs else None
+
+        return self._kept(part_file(part), usable) if self.resume else None
+
+    def table(self, part: str, expected: str) -> bytes | None:
+        """Content of the table that belongs to a part, if it is there and has this SHA-256."""
+        name = part_file(part, ".parquet")
+        return self._kept(name, lambda content: content if sha256(content) == expected else None)
+
+    def _kept(self, name: str, usable: Callable[[bytes], T | None]) -> T | None:
+        """What can be used of a file of the workspace, else of the run directory, which then goes with it."""
+        if self.path is None:
             return None
-        name = part_file(part)
         for folder in (self.workspace, self.path):
             try:
-                kept = from_json((folder / name).read_text(encoding="utf-8"))
+                kept = usable((folder / name).read_bytes())
             except (OSError, ValueError):  # not kept, or not whole: the part is computed again
                 continue
-            if isinstance(kept, dict) and kept.get("inputs") == inputs:
+            if kept is not None:
                 if folder == self.path:
                     self._carried.add(name)
                 return kept
         return None
 
     def keep(self, part: str, inputs: str, result: Mapping[str, Any], *, table: bytes | None = None) -> None:
-        """Keep the result of a finished part for a run that resumes this one.
+        """Keep the result of a finished part for a run that resumes this one, or raise a `SeatrialError`.
 
-        Parameters
-        ----------
-        part, inputs : str
-        result : mapping
-        table : bytes, optional
-            Content of a Parquet file beside it; it is there before the part counts as finished.
-
-        Raises
-        ------
-        SeatrialError
-            It cannot be written.
+        `table` is the content of a Parquet file beside it, there before the part counts as finished.
         """
         if table is not None:
             self.leave(part_file(part, ".parquet"), table)
         self.leave(part_file(part), to_json({**result, "inputs": inputs}))
 
-    def table(self, part: str, expected: str) -> bytes | None:
-        """Content of the table that belongs to a part, if it is there and has this SHA-256."""
-        if self.path is None:
-            return None
-        name = part_file(part, ".parquet")
-        for folder in (self.workspace, self.path):
-            try:
-                content = (folder / name).read_bytes()
-            except OSError:  # not kept, or not to be read: the part is computed again
-                continue
-            if sha256(content) == expected:
-                if folder == self.path:
-                    self._carried.add(name)
-                return content
-        return None
-
     def leave(self, name: str, content: Content) -> Path | None:
-        """Path of a file in the workspace, for a reader of a run that does not get published.
-
-        Raises
-        ------
-        SeatrialError
-            It cannot be written.
-        """
+        """Path of a file that is written into the workspace, or a `SeatrialError`."""
         if self.path is None:
             return None
         target = self.workspace / name
@@ -232,16 +204,8 @@ class RunDirectory:
     def publish(self, facts: Mapping[str, Any], files: Mapping[str, Content]) -> Path:
         """Path of the run directory after its files, by name, are in place, all of them or none.
 
-        Parameters
-        ----------
-        facts : mapping
-            Content of ``run.json``, see `run_facts`.
-        files : mapping of str to Content
-
-        Raises
-        ------
-        SeatrialError
-            They cannot be written; what the run directory held before is still there.
+        `facts`: content of ``run.json``, see `run_facts`. Raises `SeatrialError`: they cannot be written, and
+        what the run directory held before is still there.
         """
         if self.path is None:
             raise ValueError("publish: expected a run with a folder, found one without")
@@ -548,11 +512,8 @@ def _refuse_kind(path: Path, kind: object) -> None:
         return
     earlier = _facts_in(path).get("kind")
     if earlier != kind and earlier not in _CONTAINS.get(str(kind), ()):
-        what = (
-            f"a run of another kind ({earlier})"
-            if earlier in get_args(Kind)
-            else f"a {RUN_FILE} of another program"
-        )
+        known = earlier in get_args(Kind)
+        what = f"a run of another kind ({earlier})" if known else f"a {RUN_FILE} of another program"
         raise SeatrialError(
             f"run directory {path}: expected an earlier {kind} or an empty folder, found {what}, which is"
             " left alone; choose another folder, or move this one away"

@@ -3,16 +3,21 @@
 Every format (campaign, bench test, sensors, generated trial) is a `Section` of sections: `text_of` reads the
 file, `tables` and `checked` make the model, `file_path` resolves the paths in it. `loaded` takes a vehicle,
 an autopilot or a mission as object, name or path. The core tells kinds of file apart, by their keys.
-Held by ``tests/campaign/test_campaign_file.py`` and ``tests/flight/test_bad_input_flights.py``.
+
+A key carries its unit, and the unit says how large a number of a vehicle may be; a key with bounds of its own
+stands in ``ranges.toml``. What one number demands of another is the model's. Held by
+``tests/campaign/test_campaign_file.py``, ``tests/campaign/test_file_ranges.py`` and
+``tests/flight/test_bad_input_flights.py``.
 """
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import reprlib
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -22,9 +27,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from seatrial._core import file_kind as kind_of_keys
 from seatrial._core import file_text, wrong_kind
-from seatrial.base.data_sets import VARIABLE, data_folder
 from seatrial.base.errors import CampaignError, SeatrialError, SimulationError, VehicleError, nearest
-from seatrial.base.ranges import number_complaints, text_complaints
+from seatrial.base.files import VARIABLE, data_folder
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 
@@ -72,11 +76,14 @@ _File = TypeVar("_File", bound=Section)
 
 @dataclass(frozen=True)
 class FileLimits:
-    """How much of a file is read, and how much is said about it."""
+    """How much of a file is read, how long and deep its text may be, and how much is said about it."""
 
     most_messages: int = 20  #: Lines of one error: who has more mistakes than that has one, made often.
     #: Most characters of a file: more takes the reader seconds, and no one writes it.
     most_characters: int = 2_000_000
+    most_entries: int = 2_000  #: Most entries of a list or a table: more is no file that a person wrote.
+    longest_text: int = 4_096  #: Most characters of a text: the longest path on Linux (PATH_MAX).
+    most_depth: int = 20  #: Most tables within each other: our deepest file has five.
 
 
 LIMITS = FileLimits()
@@ -166,6 +173,7 @@ def checked(
     """
     if model.file_kind and (wrong := wrong_kind(model.file_kind, list(data))):
         raise error(f"{source}: {wrong}")
+    # Text first: no message quotes what a terminal should not meet.
     _refuse(data, source, text_complaints(data), error)
     try:
         tables = model.model_validate(data)
@@ -337,3 +345,98 @@ def loaded(kind: Any, source: Any, name: str | None = None) -> Any:
     if not str(source).strip():
         raise VehicleError(f"{name or what}: expected a name or a path, found an empty text")
     return kind.load(source)
+
+
+_LONGEST = {"name": 200, "label": 200, "description": 20_000}
+"""Most characters of the text of a key; of another one, `longest_text`: a path, a requirement."""
+
+Where = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class Range:
+    """From `least` to `most`, both included; `remedy` says what to do about another number."""
+
+    least: float
+    most: float
+    remedy: str
+
+    def complaint(self, x: float) -> str | None:
+        """What was expected, what was found and what to do; None within the range."""
+        if self.least <= x <= self.most:
+            return None
+        expected = f"a number from {self.least:g} to {self.most:g}" if math.isfinite(x) else "a finite number"
+        return f"expected {expected}, found {x:g}; {self.remedy}"
+
+
+_ROWS: dict[str, Any] = tomllib.loads(Path(__file__).with_name("ranges.toml").read_text(encoding="utf-8"))
+
+_ANY = Range(*_ROWS.pop("any"))
+
+RANGES = {table: {key: Range(*row) for key, row in rows.items()} for table, rows in _ROWS.items()}
+"""By the unit that ends a key ("units"), by its name ("keys"), and of tables of corrections ("entries")."""
+
+_OPEN = {
+    "actuators", "columns", "commands", "channels", "mix", "coefficients", "factors", "values", "nuisances",
+    "trials",
+}  # fmt: skip
+"""Tables whose keys are names of the user's: their numbers have the widest range."""
+
+
+def range_of(key: str) -> Range:
+    """Range of the numbers of a key: its own, else that of the unit at its end, else any.
+
+    Examples
+    --------
+    >>> range_of("depth_m").most, range_of("runs").most
+    (1000000.0, 1000000.0)
+    """
+    own = RANGES["keys"].get(key)
+    return own or next((row for unit, row in RANGES["units"].items() if key.endswith(unit)), _ANY)
+
+
+def number_complaints(value: Any, where: Where = (), row: Range | None = None) -> Iterator[tuple[Where, str]]:
+    """Place and complaint of every number beyond its range; `row` is that of a number or a list."""
+    if isinstance(value, Mapping):
+        table = where[-1] if where else ""
+        every = RANGES["entries"].get(str(table)) or (_ANY if table in _OPEN else None)
+        for key, entry in value.items():
+            yield from number_complaints(entry, (*where, key), every or range_of(key))
+    elif isinstance(value, list):
+        for i, entry in enumerate(value):
+            yield from number_complaints(entry, (*where, i), row)
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        # An integer of TOML may be larger than any number of the machine.
+        huge = isinstance(value, int) and abs(value) > 2**1000
+        if complaint := (row or _ANY).complaint(math.inf if huge else value):
+            yield where, complaint
+
+
+def text_complaints(value: Any, where: Where = ()) -> Iterator[tuple[Where, str]]:
+    """Place and complaint of text that no terminal and no file name should meet, and of endless lists."""
+    if isinstance(value, str):
+        yield from ((where, complaint) for complaint in _text(value, str(where[-1]) if where else ""))
+    elif isinstance(value, Mapping | list):
+        count, most, deepest = len(value), LIMITS.most_entries, LIMITS.most_depth
+        if count > most:
+            yield where, f"expected at most {most} entries, found {count}; split the file"
+            return
+        if len(where) >= deepest:
+            yield where[:3], f"expected at most {deepest} tables or lists within each other; remove some"
+            return
+        for key, entry in value.items() if isinstance(value, Mapping) else enumerate(value):
+            wrong = list(_text(key, "name")) if isinstance(key, str) else []
+            yield from ((where, f"a key of it: {complaint}") for complaint in wrong)
+            if not wrong:
+                yield from text_complaints(entry, (*where, key))
+
+
+def _text(value: str, key: str) -> Iterator[str]:
+    """Complaints about the text of a key; a description may have several lines."""
+    most = _LONGEST.get(key, LIMITS.longest_text)
+    allowed = "\n\r\t" if key == "description" else ""
+    wrong = next((c for c in value if (ord(c) < 32 or 127 <= ord(c) < 160) and c not in allowed), None)
+    if wrong is not None:
+        yield f"expected text without control characters, found U+{ord(wrong):04X}; remove it"
+    if len(value) > most:
+        yield f"expected at most {most} characters, found {len(value)}; shorten it"

@@ -1,16 +1,25 @@
 """`Work`: on what a run computes, where it keeps its results, and whom it informs of its `Progress`.
 
 `takes` marks functions that take such objects in place of stacks of keywords: a keyword that is a field of
-one is refused with the call that replaces it. Held by ``tests/base/test_work.py``.
+one is refused with the call that replaces it.
+
+Linear algebra of NumPy and SciPy gets one thread: its matrices have tens of rows, and a second thread waits
+for the next product by spinning, which costs everybody else's time. The command line sets the variables that
+the libraries read when they are loaded (`one_for_this_process`); used as a library, NumPy is loaded already,
+and `one_blas_thread` limits it while a function works. A number that the user has set stays in both. Held by
+``tests/base/test_work.py`` and ``tests/base/test_blas_threads.py``.
 """
 
 from __future__ import annotations
 
+import contextlib
 import html
 import math
+import os
 import sys
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
 from datetime import UTC, datetime, timedelta
 from functools import wraps
@@ -22,16 +31,10 @@ if TYPE_CHECKING:
 
 
 class Clock:
-    """Time since some work began.
-
-    Attributes
-    ----------
-    started
-        When it began, UTC.
-    """
+    """Time since some work began."""
 
     def __init__(self) -> None:
-        self.started = datetime.now(UTC)
+        self.started = datetime.now(UTC)  #: When it began, UTC.
         self._began = time.monotonic()
         self._wall_s: float | None = None
 
@@ -287,6 +290,22 @@ HERE = Work()
 """All threads of this process, nothing kept."""
 
 
+def tell(work: Work, fraction: float, what: str) -> None:
+    """Report the share of a work that is done, and what is being done."""
+    if work.progress is not None:
+        work.progress(Progress(what, 0, 0, fraction, math.nan, math.nan))
+
+
+def within(work: Work, first: float, last: float) -> Work:
+    """Work on a part of a whole: its progress from 0 to 1 is reported as that from `first` to `last`."""
+    whole = work.progress
+    if whole is None:
+        return work
+    return replace(
+        work, progress=lambda state: whole(replace(state, fraction=first + (last - first) * state.fraction))
+    )
+
+
 def takes(**kinds: type[Any]) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Decorator of a function whose parameters of these names hold dataclasses of these kinds.
 
@@ -309,6 +328,7 @@ def takes(**kinds: type[Any]) -> Callable[[Callable[P, R]], Callable[P, R]]:
 
     def decorated(function: Callable[P, R]) -> Callable[P, R]:
         called = function.__qualname__.removesuffix(".__init__").rpartition(".")[2]
+        # A field that is a parameter of the function, too, is its own.
         names = set(function.__annotations__)
         homes = {
             field.name: (parameter, kind)
@@ -337,3 +357,69 @@ def takes(**kinds: type[Any]) -> Callable[[Callable[P, R]], Callable[P, R]]:
         return checked
 
     return decorated
+
+
+VARIABLES = (
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "BLIS_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+    "OMP_NUM_THREADS",
+)
+"""What OpenBLAS, MKL, BLIS and Accelerate read; the last counts for most where their own is absent."""
+
+
+def one_for_this_process() -> None:
+    """Set one thread for the linear algebra of this process and its children, before NumPy is loaded.
+
+    Does nothing where the user has set a number for any of the libraries.
+    """
+    if not any(name in os.environ for name in VARIABLES):
+        os.environ.update(dict.fromkeys(VARIABLES[:-1], "1"))
+
+
+class _Limit:
+    """The limit of this process, shared by all threads that work under it."""
+
+    def __init__(self) -> None:
+        self.lock = threading.Lock()
+        self.users = 0
+        self.limiter: Any = None
+
+    def enter(self) -> None:
+        """Limit the libraries for the first of the users."""
+        with self.lock:
+            if self.users == 0:
+                # SciPy brings a library of its own, which is limited only once it is loaded.
+                import scipy.linalg  # noqa: F401
+                from threadpoolctl import threadpool_limits
+
+                self.limiter = threadpool_limits(limits=1, user_api="blas")
+            self.users += 1
+
+    def leave(self) -> None:
+        """Give the threads back after the last of the users."""
+        with self.lock:
+            self.users -= 1
+            if self.users == 0:
+                self.limiter.restore_original_limits()
+                self.limiter = None
+
+
+_LIMIT = _Limit()
+
+
+@contextlib.contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Limit the linear algebra of this process to one thread for as long as any of these contexts is open.
+
+    Does nothing where the environment says how many threads to use.
+    """
+    if any(name in os.environ for name in VARIABLES):
+        yield
+        return
+    _LIMIT.enter()
+    try:
+        yield
+    finally:
+        _LIMIT.leave()

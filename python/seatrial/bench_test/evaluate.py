@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.errors import CampaignError, TrialError, VehicleError, nearest
-from seatrial.base.file_names import no_file
+from seatrial.base.files import no_file
 from seatrial.base.run import run_facts, sha256
 from seatrial.base.toml_file import file_path, is_path, text_of
 from seatrial.base.work import Clock

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.base.atomic_write import write_atomic, writing
 from seatrial.base.errors import SeatrialError
+from seatrial.base.files import write_atomic, writing
 from seatrial.base.report import Reported, words_about
 from seatrial.base.run import RunDirectory, to_json
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from seatrial.base.errors import CampaignError, VehicleError
-from seatrial.base.file_names import no_file
+from seatrial.base.files import no_file
 from seatrial.base.front import ByName
 from seatrial.base.toml_file import file_path, is_path, text_of
 from seatrial.base.work import HERE, Work, takes
@@ -432,7 +432,7 @@ class Campaign:
         TrialError, CampaignError, SimulationError, VehicleError
             Something cannot be used.
         """
-        from seatrial.base.blas_threads import one_blas_thread
+        from seatrial.base.work import one_blas_thread
         from seatrial.campaign.verification import verify_campaign_log
 
         with one_blas_thread():

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 from seatrial._core import Autopilot, Vehicle
 from seatrial.base.arrays import runs
 from seatrial.base.errors import CampaignError, SeatrialError, SimulationError, TrialError, nearest
-from seatrial.base.file_names import no_file
+from seatrial.base.files import no_file
 from seatrial.base.toml_file import loaded
 from seatrial.flight.mission import Mission
 from seatrial.identification.fitted import Fitted

@@ -32,8 +32,7 @@ from seatrial.control_design.operating_points import (
 )
 from seatrial.control_design.start_guidance import least_lookahead_of, lookahead_share
 from seatrial.flight.mismatch import mismatch
-from seatrial.vehicle.actuators import NOMINAL_V
-from seatrial.vehicle.authority import LOOPS, ROWS, reach, thrusts
+from seatrial.vehicle.actuators import LOOPS, NOMINAL_V, ROWS, reach, thrusts
 from seatrial.vehicle.stability import statics
 from seatrial.vehicle.steady_state import turning_radius
 

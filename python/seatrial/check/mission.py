@@ -28,8 +28,7 @@ from seatrial.check.file_check import FileCheck, note, warning
 from seatrial.check.legs import LegRow, fence_findings, leg_rows, turn_findings
 from seatrial.control_design.operating_points import AutopilotFacts, autopilot_facts, mode_at
 from seatrial.flight.mismatch import mismatch
-from seatrial.vehicle.actuators import NOMINAL_V
-from seatrial.vehicle.authority import commandable
+from seatrial.vehicle.actuators import NOMINAL_V, commandable
 from seatrial.vehicle.steady_state import cruise, drivers, top_speed, turning_radius, unbounded
 
 if TYPE_CHECKING:

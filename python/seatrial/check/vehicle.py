@@ -21,12 +21,10 @@ from seatrial.base.plain import plain
 from seatrial.base.report import listed
 from seatrial.check.file_check import FileCheck, note, warning
 from seatrial.problem.parameter import STRIPS
-from seatrial.vehicle.actuators import NOMINAL_V, Push, beyond_tables, pushes
-from seatrial.vehicle.authority import advised_rows, commanded_rows
+from seatrial.vehicle.actuators import NOMINAL_V, Push, advised_rows, beyond_tables, commanded_rows, pushes
 from seatrial.vehicle.stability import Statics, damping_gain, growth, positive_damping, statics
 from seatrial.vehicle.steady_state import (
     KNOT_M_S,
-    STEADY_STATE_SETTINGS,
     Speed,
     Turn,
     cruise,
@@ -42,6 +40,7 @@ from seatrial.vehicle.steady_state import (
     turns,
     unbounded,
 )
+from seatrial.vehicle.steady_state import SETTINGS as STEADY_STATE
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -256,7 +255,7 @@ def _turns(vehicle: Vehicle, turning: tuple[Turn, ...]) -> list[Finding]:
         return []
     if not turning_senses(vehicle):
         return [] if rudders(vehicle) else [note("no turn")]
-    missing = len(turn_kinds(vehicle)) * len(STEADY_STATE_SETTINGS.turn_shares) - len(turning)
+    missing = len(turn_kinds(vehicle)) * len(STEADY_STATE.turn_shares) - len(turning)
     steady = [
         note(f"turn {turn.kind}", turn=turn)
         for turn in turning

@@ -17,23 +17,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from seatrial.base.errors import SeatrialError
-from seatrial.cli import (
-    ardusub,
-    bench,
-    check,
-    console,
-    demo,
-    export,
-    fly,
-    identify,
-    import_,
-    new,
-    plan,
-    score,
-    simulate,
-    tune,
-    verify,
-)
+from seatrial.cli import check, console, data, demo, export, fly, identify, new, plan, score, tune, verify
 from seatrial.cli.console import ExitCodes
 from seatrial.cli.options import moved
 
@@ -137,11 +121,11 @@ def _options(
 _VERBS: tuple[Callable[..., None], ...] = (
     demo.demo,
     new.new,
-    import_.import_,
-    new.data,
+    new.import_,
+    data.data,
     check.check,
-    simulate.simulate,
-    bench.bench,
+    fly.simulate,
+    identify.bench,
     plan.plan,
     identify.identify,
     score.score,
@@ -156,7 +140,7 @@ _VERBS: tuple[Callable[..., None], ...] = (
     verify.boundary,
     export.report,
     export.export,
-    ardusub.ardusub,
+    tune.ardusub,
     fly.sitl,
 )
 
@@ -169,13 +153,7 @@ for _verb in _VERBS:
 
 
 def main(begins: Callable[[], None] | None = None) -> None:
-    """Run the command line.
-
-    Parameters
-    ----------
-    begins : callable, optional
-        Called when a verb begins, after all that can be said without it.
-    """
+    """Run the command line; `begins` is called when a verb does, after all that can be said without it."""
     console.ready()
     try:
         app(obj=begins)

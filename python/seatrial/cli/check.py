@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from seatrial.base.errors import SeatrialError, nearest
-from seatrial.base.file_names import file_name, no_file
+from seatrial.base.files import file_name, no_file
 from seatrial.cli.options import Drawn, Triple, shared
 from seatrial.vehicle.actuators import NOMINAL_V
 
@@ -143,7 +143,7 @@ def _check_vehicle(
     target: str, voltage: float, speed_kn: list[float] | None, out: Path | None, output: Drawn
 ) -> None:
     from seatrial._core import Vehicle
-    from seatrial.base.atomic_write import only_user
+    from seatrial.base.files import only_user
     from seatrial.check.vehicle import check_vehicle
 
     vehicle = Vehicle.load(target)
@@ -214,7 +214,7 @@ def _check_campaign(target: str, output: Drawn) -> None:
 
 def _check_mission(target: str, flying: Flying, voltage: float, out: Path | None, output: Drawn) -> None:
     from seatrial._core import Autopilot, Vehicle
-    from seatrial.base.atomic_write import only_user, write_atomic
+    from seatrial.base.files import only_user, write_atomic
     from seatrial.base.toml_file import loaded
     from seatrial.check.mission import check_mission
     from seatrial.flight.mission import Mission

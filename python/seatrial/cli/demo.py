@@ -46,7 +46,7 @@ def demo(
 
     Example: seatrial demo
     """
-    from seatrial.base.atomic_write import only_user
+    from seatrial.base.files import only_user
     from seatrial.cli.console import print_json, reported
 
     with only_user(out):
@@ -138,7 +138,7 @@ class Demonstration:
 
     def _beluga(self) -> Campaign | None:
         """Campaign of Beluga where its recordings are at hand, else a word on how to get them."""
-        from seatrial.base.data_sets import data_folder
+        from seatrial.base.files import data_folder
         from seatrial.campaign.campaign import Campaign
 
         path = EXAMPLES / "beluga" / "campaign.toml"

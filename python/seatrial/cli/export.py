@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from seatrial.base.errors import SeatrialError, SimulationError, TrialError
-from seatrial.base.file_names import check_place
+from seatrial.base.files import check_place
 from seatrial.cli.options import Json, page_place, shared
 from seatrial.cli.score import ColumnsFrom, read_trials
 
@@ -71,27 +71,21 @@ class Program:
 
     @property
     def given(self) -> dict[str, Any]:
-        """Options by their names that change nothing but a program."""
-        names = {"--mission": self.mission, "--model": self.model, "--name": self.name}
-        return names | self.filter_given | {"--voltage": self.voltage}
+        """Options by their names where they are not as by default."""
+        options = {f"--{name.replace('_', '-')}": value for name, value in _changed(self).items()}
+        feedback = {} if self.feedback else {"--no-feedback": True}
+        return {name: value for name, value in options.items() if name != "--feedback"} | feedback
 
     @property
     def filter_given(self) -> dict[str, Any]:
-        """Options of the navigation filter by their names."""
-        asked = None if self.navigation == "sensors" else self.navigation
-        return {"--navigation": asked, "--sensors": self.sensors}
+        """Those of the navigation filter."""
+        return {name: value for name, value in self.given.items() if name in ("--navigation", "--sensors")}
 
     @property
     def options(self) -> dict[str, Any]:
         """Options of `seatrial.export_c` and `export_fmu` that both take."""
-        return {
-            "mission": self.mission,
-            "model": self.model,
-            "name": self.name,
-            "feedback": self.feedback,
-            "voltage_v": self.voltage,
-            "max_step_s": self.max_step,
-        }
+        same = {name: getattr(self, name) for name in ("mission", "model", "name", "feedback")}
+        return same | {"voltage_v": self.voltage, "max_step_s": self.max_step}
 
 
 @dataclass(frozen=True)
@@ -106,8 +100,14 @@ class Unit:
 
     @property
     def given(self) -> dict[str, Any]:
-        """Options of its draws by their names."""
-        return {"--samples": self.samples, "--seed": self.seed}
+        """Options by their names."""
+        return {"--samples": self.samples, "--seed": self.seed, "--no-binary": not self.binary}
+
+
+def _changed(options: Any) -> dict[str, Any]:
+    """Options of a group that differ from their defaults."""
+    every = {field.name: (getattr(options, field.name), field.default) for field in fields(options)}
+    return {name: value for name, (value, default) in every.items() if value != default}
 
 
 @shared
@@ -141,27 +141,20 @@ def export(
     Example: seatrial export c vehicle.toml --out build
     """
     # Every group of options has a meaning for some formats only.
+    meaningless = {
+        "c": read.given | unit.given,
+        "fmu": read.given | program.filter_given,
+        "sdf": {"AUTOPILOT": autopilot} | program.given | unit.given | read.given,
+    }
+    for name, value in meaningless.get(form, {"AUTOPILOT": autopilot} | program.given | unit.given).items():
+        if value:
+            raise SimulationError(f"{name}: has no meaning for export {form}, found {value}; leave it out")
     if form in ("c", "fmu"):
-        _refuse(form, read.given)
-        if form == "c":
-            _refuse(form, unit.given | {"--no-binary": not unit.binary})
-        else:
-            _refuse(form, program.filter_given)
         _program(form, source, autopilot, out, program, unit, json=json)
-        return
-    _refuse(form, {"AUTOPILOT": autopilot} | program.given | unit.given)
-    if form == "sdf":
-        _refuse(form, read.given)
+    elif form == "sdf":
         _model(source, out, json=json)
     else:
         _table_written(form, source, out, read, json=json)
-
-
-def _refuse(form: str, given: dict[str, Any]) -> None:
-    """Refuse what has no meaning for a format."""
-    for name, value in given.items():
-        if value:
-            raise SimulationError(f"{name}: has no meaning for export {form}, found {value}; leave it out")
 
 
 def _program(

@@ -1,6 +1,6 @@
-"""`seatrial new` and `data`: a commented project to start from, and recordings of real vehicles.
+"""`seatrial new` and `import`: a project to start from, as an example or from logs of a vehicle.
 
-Recordings come from their original source and count only with their hash. Tests: ``tests/cli/test_new.py``.
+Tests: ``tests/cli/test_new.py``, ``tests/intake/test_import.py``.
 """
 
 from __future__ import annotations
@@ -8,14 +8,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from seatrial.cli.options import Json
+from seatrial.cli.options import Drawn, shared
 
 if TYPE_CHECKING:
-    from seatrial.base.data_sets import DataFile
     from seatrial.base.report import Report
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
@@ -117,8 +116,8 @@ def _starter(folder: Path) -> Report:
 @contextmanager
 def _fresh(folder: Path) -> Iterator[None]:
     """A new folder, written whole or not at all; what the system says is one message."""
-    from seatrial.base.atomic_write import whole_folder, writing
     from seatrial.base.errors import SeatrialError
+    from seatrial.base.files import whole_folder, writing
 
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise SeatrialError(f"{folder}: expected an empty or a new folder, found files; choose another name")
@@ -208,99 +207,73 @@ def _from_report(page: Path, folder: Path) -> Report:
     )
 
 
-def data(
-    action: Annotated[
-        Literal["get", "list"],
-        typer.Argument(help="Fetch data sets, or list what there is.", metavar="get|list"),
+@shared
+def import_(
+    logs: Annotated[
+        list[Path],
+        typer.Argument(help="Logs of any format that is read; or one model of gz-sim.", metavar="LOG|MODEL"),
     ],
-    names: Annotated[
-        list[str] | None, typer.Argument(help="Data sets: beluga, t200, bluerov2.", metavar="NAME")
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="PROJECT", help="Folder of the project; without it, only list."),
     ] = None,
-    source: Annotated[
-        str | None,
-        typer.Option(
-            "--from", metavar="URL", help="Mirror with a folder per data set, instead of the original source."
-        ),
+    map: Annotated[
+        Path | None, typer.Option("--map", help="Map to use instead of a proposed one: map.toml, edited.")
     ] = None,
-    json: Json = False,
+    vehicle: Annotated[
+        str | None, typer.Option(help="Vehicle file or built-in vehicle; else by the log, or a stub.")
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Overwrite an imported project; files that you edited are kept.")
+    ] = False,
+    output: Drawn = Drawn(),
 ) -> None:
-    """Fetch recordings of real vehicles (beluga, t200, bluerov2) into SEATRIAL_DATA or the user's cache.
+    """List what logs hold, and draft a project from them: map, vehicle, campaign and trials.
 
-    A file counts only with its SHA-256; one that is there is not fetched again.
+    Without --out it lists every topic and field with rate, range, unit and what it is taken for. A model of
+    gz-sim (.sdf, .world, .xml) becomes a vehicle file, --out FILE.toml, with a report on what contradicts
+    itself.
 
-    Example: seatrial data get beluga
+    Example: seatrial import dive.BIN --out dive
     """
-    from seatrial.base.data_sets import DATA_SETS, data_folder
-    from seatrial.base.errors import TrialError
-    from seatrial.cli.console import answer, print_json
+    from seatrial.simulators.convert import ENDINGS
 
-    content: Any
-    if action == "list":
-        report, content = _listed(names or list(DATA_SETS))
-    elif names:
-        report, content = _fetched(names, source, quiet=json)
-    else:
-        raise TrialError(
-            f"data get: expected the name of a data set, found none; one of {', '.join(DATA_SETS)}"
-        )
-    if json:
-        print_json({"folder": str(data_folder()), "sets": content})
-    else:
-        answer(report)
+    # A single file that gz-sim would read is a model, all others are logs.
+    if len(logs) == 1 and logs[0].suffix.lower() in ENDINGS:
+        _model(logs[0], out, force=force, output=output)
+        return
+    from seatrial.cli.console import long_work
+    from seatrial.intake.import_logs import import_logs
+    from seatrial.intake.survey import survey
 
+    with long_work("survey", quiet=output.json) as show:
 
-def _listed(names: list[str]) -> tuple[Report, list[dict[str, str]]]:
-    """Which data sets there are, for people and as plain data."""
-    from seatrial.base.data_sets import DATA_SETS, data_folder, get
-    from seatrial.base.report import Report, Section, Table
+        def progress(share: float, words: str) -> None:
+            show(share, words, ())
 
-    folder = data_folder()
-    for unknown in [name for name in names if name not in DATA_SETS][:1]:
-        get(unknown)  # which refuses it
-    chosen = {name: data_set for name, data_set in DATA_SETS.items() if name in names}
-    rows = [
-        (
-            name,
-            f"{sum((folder / known.folder / f.name).is_file() for f in known.files)} of {len(known.files)}",
-            f"{sum(f.size for f in known.files) / 1e6:.1f}",
-            known.description,
-            known.licence,
-        )
-        for name, known in chosen.items()
-    ]
-    table = Table.of("", ("name", "files here", "MB", "what", "licence"), rows)
-    report = Report(
-        title=str(folder),
-        outcome=f"{len(rows)} data sets",
-        good="the folder of recordings",
-        worst="nothing is checked before it is fetched or used",
-        next_step="fetch one with seatrial data get NAME",
-        sections=(Section(tables=(table,)),),
-    )
-    keys = ("name", "files", "megabytes", "description", "licence")
-    return report, [dict(zip(keys, row, strict=True)) for row in rows]
+        if out is None and map is None:
+            surveyed = survey(logs, share=progress)
+        else:
+            made = import_logs(logs, out=out, map=map, vehicle=vehicle, force=force, progress=progress)
+    if out is None and map is None:
+        output.show(surveyed)
+        return
+    files = "map.toml, vehicle.toml, campaign.toml, trials/, import.json"
+    written = "" if out is None else f"Written to {out}: {files}"
+    output.show(made, results=written, draw=lambda: [] if out is None else output.draw(made, out / "figures"))
 
 
-def _fetched(names: list[str], source: str | None, *, quiet: bool) -> tuple[Report, dict[str, Any]]:
-    """What was fetched, for people and as plain data."""
-    from seatrial.base.data_sets import DATA_SETS, data_folder, get
-    from seatrial.base.report import Report, Section
-    from seatrial.cli.console import say
+def _model(model: Path, out: Path | None, *, force: bool, output: Drawn) -> None:
+    """Read a model of gz-sim, and write the vehicle file where --out says."""
+    from seatrial.base.errors import VehicleError
+    from seatrial.base.files import check_place
+    from seatrial.simulators.convert import import_model, write_text
 
-    def begin(file: DataFile) -> None:
-        if not quiet:
-            say(f"fetching {file.name} ({file.size / 1e6:.1f} MB)")
-
-    folder = data_folder()
-    sets = {name: get(name, source=source, begin=begin) for name in names}
-    count, fetched = sum(map(len, sets.values())), sum(sum(files.values()) for files in sets.values())
-    licences = [f"{name}: {DATA_SETS[name].description}; {DATA_SETS[name].licence}" for name in sets]
-    report = Report(
-        title=", ".join(sets),
-        outcome="here",
-        good=f"{count} files in {folder} with the right SHA-256, {fetched} of them fetched",
-        worst="none: every file is the published one",
-        next_step=f"set SEATRIAL_DATA={folder} for campaigns and tests that name it",
-        sections=(Section(sentences=tuple(licences)),),
-    )
-    return report, {name: {str(path): new for path, new in files.items()} for name, files in sets.items()}
+    imported = import_model(model)
+    if out is not None:
+        check_place(out, "--out", endings=(".toml",))
+        if out.exists() and not force:
+            raise VehicleError(f"{out}: is there already; choose another name or give --force")
+        write_text(out, imported.text)
+    written = "" if out is None else f"Vehicle file in {out}"
+    output.show(imported, {"file": None if out is None else str(out)}, results=written)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from enum import StrEnum
-from functools import wraps
+from functools import partial, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
@@ -160,6 +160,19 @@ class Output(Shown):
 
     out: Out = None
 
+    def show_run(
+        self, result: Any, folder: Path, files: str, *, drawn: bool = True, page: bool = True, **shown: Any
+    ) -> None:
+        """Show a result as `show` does, with the files of its run directory, its figures and its page."""
+        from seatrial.cli.console import reported
+
+        if drawn:
+            shown.setdefault("draw", partial(self.draw, result, folder / "figures"))
+        results = f"Results in {folder}: {files}" if files else ""
+        self.show(result, {"run_directory": str(folder)}, results=results, **shown)
+        if page:
+            reported(self.page, [folder], quiet=self.json)
+
 
 def end(*, interrupted: bool = False, held: bool = True) -> None:
     """Leave the verb with 130 after Ctrl-C, with 1 where a verdict is not held."""
@@ -273,6 +286,7 @@ def shared(verb: Callable[..., None]) -> Callable[..., None]:
     parameters: list[inspect.Parameter] = []
     for name, parameter in inspect.signature(verb).parameters.items():
         kind = groups.get(name)
+        # A plain option stays as it is; a class of options gives each of its fields.
         if kind is None:
             parameters.append(parameter.replace(annotation=hints[name]))
             continue

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from seatrial.base.errors import SeatrialError
-from seatrial.base.file_names import check_place, file_name
+from seatrial.base.files import check_place, file_name
 from seatrial.cli.options import Shown, Threads, shared
 from seatrial.vehicle.actuators import NOMINAL_V
 
@@ -124,7 +124,7 @@ def plan(
 
     Example: seatrial plan vehicle.toml --duration 60 --count 3 --out next.csv
     """
-    from seatrial.base.atomic_write import only_user
+    from seatrial.base.files import only_user
     from seatrial.cli.console import reported, say, search_progress
     from seatrial.experiment.plan import plan as planned
 

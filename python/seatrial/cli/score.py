@@ -112,11 +112,13 @@ def score(
     free = scoring.free or (freed(campaign.problem()) if campaign else "") or "".join(AXES)
     chosen = read_trials(trials, columns_from)
     training = read_trials(scoring.train, columns_from) if scoring.train else []
+    # A baseline that has seen what it is judged on would always win.
     if both := {trial.source for trial in training} & {trial.source for trial in chosen}:
         raise TrialError(
             f"--train {min(both)}: it is scored, too; a baseline knows its training trials: name others"
         )
     options = scoring.options(free, training)
+    # One vehicle is scored, several are compared on the same windows.
     result: Score | Comparison
     if len(vehicles) == 1:
         ((label, single),) = vehicles.items()

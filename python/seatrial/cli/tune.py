@@ -1,19 +1,23 @@
-"""`seatrial autopilot` and `tune`: start gains, and gains that keep all responses in their corridors."""
+"""`seatrial autopilot`, `tune` and `ardusub`: start gains, gains that keep all responses in their corridors.
+
+Of ArduSub the parameters are tuned from one of its logs.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from seatrial.base.errors import SeatrialError
-from seatrial.cli.options import Computing, Output, Printed, Run, end, shared
+from seatrial.cli.options import Computing, Output, Printed, Resume, Run, Threads, end, shared
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
+    from seatrial.ardusub.comparison import Replay
+    from seatrial.ardusub.from_log import LogTuning
     from seatrial.campaign.campaign import Campaign
     from seatrial.check.autopilot import AutopilotCheck
     from seatrial.identification.identification import Identification
@@ -38,8 +42,7 @@ def autopilot(
     Example: seatrial autopilot vehicle.toml --out autopilot.toml
     """
     from seatrial._core import Autopilot, Vehicle
-    from seatrial.base.atomic_write import write_atomic
-    from seatrial.base.file_names import check_place
+    from seatrial.base.files import check_place, write_atomic
     from seatrial.check.autopilot import check_autopilot
     from seatrial.control_design.start_autopilot import start_autopilot
 
@@ -65,8 +68,6 @@ def autopilot(
 
 def _authority(vehicle: Vehicle, checked: AutopilotCheck) -> list[str]:
     """What the vehicle can command and what the loss of an actuator costs, at a speed it is used at."""
-    from seatrial.vehicle.authority import authority_in_words
-
     hovers = any(mode.depth_by == "heave" for mode in checked.modes)
     # A vehicle under way is judged at a cruise of 0.6 of the largest speed that is asked for.
     return authority_in_words(vehicle, 0.0 if hovers else round(0.6 * checked.speeds_m_s[-1], 1))
@@ -96,7 +97,7 @@ def tune(
     the best so far; the same command goes on with what is not finished.
     """
     from seatrial.campaign.campaign import Campaign
-    from seatrial.cli.console import note, reported
+    from seatrial.cli.console import note
 
     loaded = Campaign.load(campaign)
     folder = output.out or Path("runs") / f"{loaded.name}-tuned"
@@ -104,16 +105,10 @@ def tune(
     if not output.json:
         note(f"Vehicle: {source or loaded.vehicle.name}")
     tuning = tuned(loaded, source, folder, computing=computing, quiet=output.json)
-    files = "autopilot.toml, tuning.json, summary.txt, Parquet tables"
-    output.show(
-        tuning,
-        {"run_directory": str(folder)},
-        results="" if tuning.interrupted else f"Results in {folder}: {files}",
-        draw=partial(output.draw, tuning, folder / "figures"),
-    )
-    end(interrupted=tuning.interrupted)  # which leaves nothing that a page could show
-    reported(output.page, [folder], quiet=output.json)
-    end(held=tuning.held)
+    # An interrupted tuning leaves no results, and nothing that a page could show.
+    files = "" if tuning.interrupted else "autopilot.toml, tuning.json, summary.txt, Parquet tables"
+    output.show_run(tuning, folder, files, page=not tuning.interrupted)
+    end(interrupted=tuning.interrupted, held=tuning.held)
 
 
 def fitted_source(campaign: Campaign, given: Path | None) -> Path | str | None:
@@ -135,3 +130,126 @@ def tuned(
     """Tuning of a campaign into a run directory, with progress on standard error."""
     with computing.work(folder, "making ready", quiet=quiet) as work:
         return campaign.tune(source, work=work)
+
+
+@dataclass(frozen=True)
+class Draws:
+    """How many missions judge the parameters, and how they are drawn."""
+
+    missions: Annotated[
+        int, typer.Option(min=16, max=100_000, help="Missions with which before and after are judged.")
+    ] = 1000
+    seed: Annotated[int, typer.Option(min=0, max=2**31, help="Of everything that is drawn.")] = 0
+
+
+@shared
+def ardusub(
+    log: Annotated[Path, typer.Argument(help="DataFlash log of ArduSub, .BIN.")],
+    parameters: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.param",
+            help="The vehicle's own parameters: compared with those found, and taken where the log has none.",
+        ),
+    ] = None,
+    replay_only: Annotated[
+        bool, typer.Option("--replay-only", help="Replay the controllers and find the parameters; a second.")
+    ] = False,
+    vehicle: Annotated[
+        str | None, typer.Option(help="Vehicle file or built-in vehicle to begin with; else by the frame.")
+    ] = None,
+    draws: Draws = Draws(),
+    resume: Resume = True,
+    threads: Threads = None,
+    output: Output = Output(),
+) -> None:
+    """Replay ArduSub's controllers from a log, identify the vehicle from it, tune and verify its parameters.
+
+    The exit code is 0 when the law explains the log, the vehicle flies the log's mission inside the envelope,
+    and what changes is better with margins kept; 1 when not, 2 for bad input. With --replay-only it is that
+    of the replay. Ctrl-C keeps what is finished; the same command goes on.
+
+    Example: seatrial ardusub dive.BIN
+    """
+    from seatrial.ardusub.from_log import tune_log
+    from seatrial.ardusub.log_replay import replay
+    from seatrial.ardusub.parameters import ParameterFile
+    from seatrial.base.files import file_name
+    from seatrial.base.run import check_writable
+    from seatrial.base.work import Work
+    from seatrial.cli.console import Code, say, search_progress
+
+    folder = output.out or Path("runs") / file_name(f"ardusub-{log.stem}")
+    check_writable(folder, "replay" if replay_only else "ardusub")
+    given = None if parameters is None else ParameterFile.load(parameters)
+    result: Replay | LogTuning
+    if replay_only:
+        result = replay(log, parameters=given)
+        result.save(folder)
+        files = "replay.json, summary.txt, found.param"
+    else:
+        try:
+            with search_progress("reading", quiet=output.json) as progress:
+                work = Work(threads=threads, resume=resume, progress=progress)
+                result = tune_log(
+                    log, out=folder, parameters=given, vehicle=vehicle, missions=draws.missions,
+                    seed=draws.seed, work=work,
+                )  # fmt: skip
+        except KeyboardInterrupt:
+            if not output.json:
+                say(f"Interrupted; what is finished is kept beside {folder}, and the same command goes on.")
+            raise typer.Exit(Code.INTERRUPTED) from None
+        files = "changes.param, found.param, ardusub.json, replay.json, summary.txt"
+    output.show_run(result, folder, files)
+    end(held=result.held)
+
+
+def authority_in_words(vehicle: Vehicle, speed_m_s: float) -> list[str]:
+    """What can be commanded at a speed ahead, and what the loss of each actuator leaves, a sentence each.
+
+    As ``Vehicle.authority_sentences``; where the only thrust ahead is lost, the speed and the force of fins
+    go with it.
+    """
+    from seatrial.base.report import listed
+
+    sentences = vehicle.authority_sentences(speed_m_s)
+    only = _only_thrust(vehicle)
+    if only is None or speed_m_s <= 0.0:
+        return sentences
+    still = set(_commanded(vehicle, 0.0)) - {"surge"}
+    gone = [motion for motion in _commanded(vehicle, speed_m_s) if motion not in still]
+    lost = f", and {listed(gone)} {'is' if len(gone) == 1 else 'are'} lost" if gone else ""
+    words = (
+        f"After the loss of {only} nothing drives the vehicle: its speed decays, its fins lose their"
+        f" force{lost}; {_way_up(vehicle)}."
+    )
+    loss = (f"After the loss of {only} ", f"Nothing remains after the loss of {only}.")
+    return [words if sentence.startswith(loss) else sentence for sentence in sentences]
+
+
+def _only_thrust(vehicle: Vehicle) -> str | None:
+    """The one actuator that drives a vehicle with fins ahead; None where there are several or no fins."""
+    facts, matrix = vehicle.actuator_info(), vehicle.allocation_matrix()
+    ahead = {name: abs(float(x)) for name, x in zip(vehicle.actuators, matrix[0], strict=True)}
+    fins = [name for name in ahead if facts[name]["kind"] == "fin"]
+    # A tenth of what the strongest gives drives no vehicle.
+    driving = [name for name, x in ahead.items() if name not in fins and x > 0.1 * max(ahead.values())]
+    return driving[0] if fins and len(driving) == 1 else None
+
+
+def _commanded(vehicle: Vehicle, speed_m_s: float) -> list[str]:
+    """Motions that can be commanded independently at a speed ahead: 99 % of a demand are met."""
+    from seatrial.base.channels import MOTIONS
+
+    rows = vehicle.authority(speed_m_s)
+    return [motion for row, motion in MOTIONS.items() if rows[row]["controlled_share"] >= 0.99]
+
+
+def _way_up(vehicle: Vehicle) -> str:
+    """Whether a vehicle without thrust comes up; neutral is one within a ten-thousandth of its weight."""
+    from seatrial.vehicle.stability import statics
+
+    rest = statics(vehicle)
+    if rest.net_n > 1e-4 * rest.weight_n:
+        return f"only its buoyancy of {rest.net_n:+.2g} N brings it up"
+    return 'and it is not buoyant: neither reaction of the safety, "surface" or "abort", brings it up'

@@ -8,14 +8,13 @@ Missions of drawn vehicles judge an autopilot, a survey looks for its failures, 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Protocol, TypeVar
 
 import typer
 
 from seatrial.base.errors import CampaignError
-from seatrial.base.file_names import file_name
+from seatrial.base.files import file_name
 from seatrial.cli.options import Computing, Output, Run, Threads, end, shared
 from seatrial.cli.tune import fitted_source
 
@@ -98,7 +97,7 @@ class JUnit:
 
     def check(self, read: dict[str, Any], missions: list[Path] | None) -> None:
         """Refuse a file that cannot be written or would replace an input."""
-        from seatrial.base.file_names import check_place
+        from seatrial.base.files import check_place
 
         if self.junit is not None:
             inputs = read | {f"mission {path}": path for path in missions or ()}
@@ -106,7 +105,7 @@ class JUnit:
 
     def write(self, text: str) -> None:
         """Write it where it was asked for."""
-        from seatrial.base.atomic_write import write_atomic
+        from seatrial.base.files import write_atomic
 
         if self.junit is not None:
             self.junit.parent.mkdir(parents=True, exist_ok=True)
@@ -138,11 +137,11 @@ def verify(
     """
     from seatrial.base.run import check_writable
     from seatrial.campaign.verification import others_of
-    from seatrial.cli.console import reported
 
     read = {"the campaign": campaign, "the vehicle": judged.run, "the autopilot": judged.autopilot}
     xml.check(read, judged.mission)
     loaded, gains, scenario = judged.scenario(campaign, quiet=output.json, runs=runs)
+    # One mission again needs no run of a thousand.
     if replay is not None:
         _replay(scenario, replay, output)
         return
@@ -154,15 +153,8 @@ def verify(
     # An interrupted verification leaves what a machine asked for, too.
     xml.write(verification.junit())
     files = "verification.json, summary.txt, junit.xml, worst_runs.json, missions.parquet and the inputs"
-    output.show(
-        verification,
-        {"run_directory": str(folder)},
-        results=f"Results in {folder}: {files}",
-        draw=partial(output.draw, verification, folder / "figures"),
-    )
-    end(interrupted=verification.interrupted)
-    reported(output.page, [folder], quiet=output.json)
-    end(held=verification.held)
+    output.show_run(verification, folder, files, page=not verification.interrupted)
+    end(interrupted=verification.interrupted, held=verification.held)
 
 
 def verified(
@@ -246,16 +238,13 @@ def rare(
 
     The exit code is 0 when every requirement is held, 1 when not, 2 for bad input.
     """
-    from seatrial.cli.console import reported
     from seatrial.verification.rare import Rare
 
     strategy = Rare(requirements=requirement or (), population=population)
     _, _, scenario = judged.scenario(campaign, quiet=output.json)
     folder = output.out or Path("runs") / f"{scenario.name}-rare"
     failures = _surveyed(strategy, scenario, folder, "rare failures", computing, output)
-    results = f"Results in {folder}: rare.json, summary.txt and the inputs"
-    output.show(failures, {"run_directory": str(folder)}, results=results)
-    reported(output.page, [folder], quiet=output.json)
+    output.show_run(failures, folder, "rare.json, summary.txt and the inputs", drawn=False)
     end(interrupted=failures.interrupted, held=failures.held)
 
 
@@ -335,20 +324,13 @@ def boundary(
 
     Example: seatrial boundary campaign.toml current_speed_m_s=0:1.2,payload_kg=-5:40 --runs 4000
     """
-    from seatrial.cli.console import reported
     from seatrial.verification.boundary import Boundary
 
     strategy = Boundary(_ranges(variables), requirement or ())
     _, _, scenario = judged.scenario(campaign, quiet=output.json, runs=runs)
     folder = output.out or Path("runs") / f"{scenario.name}-boundary"
     boundaries = _surveyed(strategy, scenario, folder, "failure boundary", computing, output)
-    output.show(
-        boundaries,
-        {"run_directory": str(folder)},
-        results=f"Results in {folder}: boundary.json, summary.txt and the inputs",
-        draw=partial(output.draw, boundaries, folder / "figures"),
-    )
-    reported(output.page, [folder], quiet=output.json)
+    output.show_run(boundaries, folder, "boundary.json, summary.txt and the inputs")
     end(interrupted=boundaries.interrupted)
 
 
@@ -417,7 +399,7 @@ def verify_log(
     from seatrial.base.run import check_writable
     from seatrial.campaign.campaign import Campaign
     from seatrial.campaign.verification import verify_campaign_log
-    from seatrial.cli.console import note, reading_progress, reported
+    from seatrial.cli.console import note, reading_progress
 
     loaded = Campaign.load(campaign, progress=reading_progress(quiet=output.json))
     read = {"the campaign": campaign, "the vehicle": run, "the log": log}
@@ -442,11 +424,11 @@ def verify_log(
     if not output.json:
         part = "" if judged.span is None else f", {judged.span[0]:g} to {judged.span[1]:g} s, held out"
         note(f"Vehicle: {fit or loaded.vehicle.name}. Log: {log}{part}.")
-    output.show(
+
+    output.show_run(
         verdict,
-        {"run_directory": str(folder)},
-        results=f"Results in {folder}: verdict.json, junit.xml, summary.txt and the inputs",
+        folder,
+        "verdict.json, junit.xml, summary.txt and the inputs",
         draw=lambda: sorted(output.draw(verdict, folder / "figures")),
     )
-    reported(output.page, [folder], quiet=output.json)
     end(held=verdict.held)

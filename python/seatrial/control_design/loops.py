@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
-from seatrial.vehicle.authority import LOOPS, ROWS, Delay, mixing
+from seatrial.vehicle.actuators import LOOPS, ROWS, Delay, mixing
 from seatrial.vehicle.stability import neutral_fins
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def trim(
     """Straight flight at constant depth and speed over ground in still water; None where there is none.
 
     The rows that are commanded take what the motion needs, whether or not the actuators reach it
-    (`seatrial.vehicle.authority`). Each other row needs an angle that brings its own force to zero: pitch for
+    (`seatrial.vehicle.actuators`). Each other row needs an angle that brings its own force to zero: pitch for
     the heave force, drift for the sway force, heel for the roll moment. What the actuators bring along with
     the commanded rows counts.
 

@@ -43,7 +43,7 @@ from seatrial.control_design.loops import (
     with_law,
 )
 from seatrial.control_design.margins import LawMargins, law_margins, least_margins
-from seatrial.vehicle.authority import LOOPS, ROWS, delays, reach
+from seatrial.vehicle.actuators import LOOPS, ROWS, delays, reach
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle

@@ -46,7 +46,7 @@ from seatrial.control_design.operating_points import (
 )
 from seatrial.control_design.pole_placement import LoopGain, law
 from seatrial.control_design.tuning_table import Margins
-from seatrial.vehicle.authority import LOOPS, ROWS
+from seatrial.vehicle.actuators import LOOPS, ROWS
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle

@@ -42,8 +42,7 @@ from seatrial.control_design.operating_points import (
     reachable_speeds,
 )
 from seatrial.control_design.tuning_table import ACCEPTED
-from seatrial.vehicle.actuators import NOMINAL_V
-from seatrial.vehicle.authority import LOOPS, ROWS
+from seatrial.vehicle.actuators import LOOPS, NOMINAL_V, ROWS
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle

@@ -16,8 +16,7 @@ import numpy as np
 
 from seatrial.base.errors import VehicleError
 from seatrial.control_design.loops import Trim, level, trim
-from seatrial.vehicle.actuators import NOMINAL_V, command
-from seatrial.vehicle.authority import LOOPS, ROWS, reach
+from seatrial.vehicle.actuators import LOOPS, NOMINAL_V, ROWS, command, reach
 from seatrial.vehicle.steady_state import drivers, steady, unbounded
 
 if TYPE_CHECKING:

@@ -32,8 +32,7 @@ from seatrial.control_design.loops import (
 from seatrial.control_design.mode_table import top_speeds
 from seatrial.control_design.pole_placement import LoopGain, law
 from seatrial.flight.sensor_channels import sensors_of
-from seatrial.vehicle.actuators import NOMINAL_V
-from seatrial.vehicle.authority import LOOPS, ROWS, delays
+from seatrial.vehicle.actuators import LOOPS, NOMINAL_V, ROWS, delays
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle

@@ -25,7 +25,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.errors import VehicleError
 from seatrial.control_design.loops import INTEGRATED, STATES
-from seatrial.vehicle.authority import LOOPS
+from seatrial.vehicle.actuators import LOOPS
 
 USUAL_ERROR = {"heave": 2.0, "roll": np.deg2rad(30.0), "pitch": np.deg2rad(30.0), "heading": np.deg2rad(40.0)}
 """Error of a position loop, m or rad, that may just ask for the largest demand."""

@@ -11,15 +11,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from seatrial.base.blas_threads import one_blas_thread
 from seatrial.base.errors import VehicleError
+from seatrial.base.work import one_blas_thread
 from seatrial.control_design.lqr import lqr_autopilot
 from seatrial.control_design.mode_table import Mode
 from seatrial.control_design.pole_placement import three_digits
 from seatrial.control_design.start_gains import LoopStart, StartGains, start_gains
 from seatrial.control_design.start_guidance import guidance, safety
 from seatrial.flight.mismatch import started_for
-from seatrial.vehicle.authority import LOOPS, ROWS
+from seatrial.vehicle.actuators import LOOPS, ROWS
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle

@@ -43,8 +43,17 @@ from seatrial.control_design.pole_placement import (
     law,
     loop_gain,
 )
-from seatrial.vehicle.actuators import NOMINAL_V, bollard, command
-from seatrial.vehicle.authority import LOOPS, ROWS, Delay, commandable, delays, reach
+from seatrial.vehicle.actuators import (
+    LOOPS,
+    NOMINAL_V,
+    ROWS,
+    Delay,
+    bollard,
+    command,
+    commandable,
+    delays,
+    reach,
+)
 from seatrial.vehicle.stability import neutral_fins
 from seatrial.vehicle.steady_state import drivers
 

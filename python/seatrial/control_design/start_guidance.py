@@ -45,7 +45,7 @@ from seatrial.control_design.operating_points import (
 )
 from seatrial.control_design.pole_placement import LoopGain, law, three_digits
 from seatrial.control_design.start_gains import StartGains
-from seatrial.vehicle.authority import LOOPS, ROWS, Delay, reach
+from seatrial.vehicle.actuators import LOOPS, ROWS, Delay, reach
 from seatrial.vehicle.steady_state import turning_radius
 
 if TYPE_CHECKING:

@@ -19,8 +19,14 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, MOTIONS
 from seatrial.base.errors import VehicleError
-from seatrial.vehicle.actuators import NOMINAL_V, actuator_groups, command, settling_s, voltage_for
-from seatrial.vehicle.authority import commanded_rows
+from seatrial.vehicle.actuators import (
+    NOMINAL_V,
+    actuator_groups,
+    command,
+    commanded_rows,
+    settling_s,
+    voltage_for,
+)
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle

@@ -27,9 +27,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.atomic_write import write_table
 from seatrial.base.channels import AXES, MOTIONS
 from seatrial.base.errors import VehicleError
+from seatrial.base.files import write_table
 from seatrial.experiment.combinations import Combination, Thrusters
 from seatrial.vehicle.actuators import voltage_for
 

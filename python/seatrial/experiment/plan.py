@@ -22,10 +22,9 @@ import numpy as np
 
 from seatrial._core import Vehicle, checked_threads
 from seatrial.base.arrays import Array
-from seatrial.base.blas_threads import one_blas_thread
 from seatrial.base.errors import CampaignError, SeatrialError, nearest
 from seatrial.base.run import run_facts, sha256
-from seatrial.base.work import Clock, Progress, callers_errors_pass
+from seatrial.base.work import Clock, Progress, callers_errors_pass, one_blas_thread
 from seatrial.campaign.campaign import Campaign
 from seatrial.experiment import fisher
 from seatrial.experiment.dither import Dither, dithers
@@ -45,8 +44,8 @@ import json
 from dataclasses import field
 from typing import TYPE_CHECKING, Any, Self
 
-from seatrial.base.atomic_write import write_atomic, writing
 from seatrial.base.errors import TrialError
+from seatrial.base.files import write_atomic, writing
 from seatrial.base.plain import Plain
 from seatrial.base.run import RunResult, to_json
 

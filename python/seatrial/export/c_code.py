@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from seatrial._core import Autopilot, Vehicle, autopilot_c, filter_c, vehicle_c
-from seatrial.base.atomic_write import whole_folder, write_atomic, writing
 from seatrial.base.errors import SimulationError, printable
+from seatrial.base.files import whole_folder, write_atomic, writing
 from seatrial.base.report import Reported
 from seatrial.base.run import version
 from seatrial.base.toml_file import loaded

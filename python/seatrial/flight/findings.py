@@ -25,8 +25,7 @@ from seatrial.base.finding import Finding, Severity
 from seatrial.flight import excesses, reactions
 from seatrial.flight.excesses import EXCESS_SETTINGS, too_deep, too_low, touched
 from seatrial.flight.metrics import DIVERGED, Leg, Loop, saturated
-from seatrial.vehicle.actuators import beyond_tables
-from seatrial.vehicle.authority import commanded_rows
+from seatrial.vehicle.actuators import beyond_tables, commanded_rows
 from seatrial.vehicle.stability import growth, statics
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial._core import autopilot_names
-from seatrial.base.atomic_write import parquet
+from seatrial.base.files import parquet
 from seatrial.base.finding import Finding
 from seatrial.base.report import Report, Reported, Section, clause_of, report_of, writer_of
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json

@@ -253,7 +253,7 @@ class Seeds(Plain, only="seeds endings metrics"):
         """Metrics and endings, a row per seed."""
         import polars as pl
 
-        from seatrial.base.atomic_write import parquet
+        from seatrial.base.files import parquet
 
         columns: dict[str, Any] = {"seed": list(self.seeds), "ending": list(self.endings)}
         columns |= {name: values for name, values in self.metrics.items() if name not in CODED}

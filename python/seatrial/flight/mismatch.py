@@ -19,7 +19,7 @@ import numpy as np
 
 from seatrial._core import Autopilot, Vehicle
 from seatrial.base.finding import Finding, Severity
-from seatrial.vehicle.authority import LOOPS, ROWS, delays, thrusts
+from seatrial.vehicle.actuators import LOOPS, ROWS, delays, thrusts
 
 if TYPE_CHECKING:
     from seatrial.base.arrays import Array

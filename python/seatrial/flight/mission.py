@@ -25,8 +25,7 @@ from seatrial._core import Mission as CoreMission
 from seatrial.base.arrays import Array
 from seatrial.base.errors import VehicleError
 from seatrial.base.frames import FARTHEST_M, LocalFrame
-from seatrial.base.ranges import text_complaints
-from seatrial.base.toml_file import tables, text_of
+from seatrial.base.toml_file import tables, text_complaints, text_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

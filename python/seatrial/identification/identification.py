@@ -8,8 +8,8 @@ from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from seatrial.base.atomic_write import parquet
 from seatrial.base.errors import VehicleError
+from seatrial.base.files import parquet
 from seatrial.base.finding import Fallback, Finding, is_numerical
 from seatrial.base.report import Report, report_of
 from seatrial.base.run import RunResult, part_file, to_json

@@ -28,9 +28,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial._core import checked_threads
-from seatrial.base.atomic_write import parquet
 from seatrial.base.channels import VELOCITIES
 from seatrial.base.errors import CampaignError, SeatrialError
+from seatrial.base.files import parquet
 from seatrial.base.plain import Plain
 from seatrial.base.report import Report, report_of
 from seatrial.base.run import RunDirectory, RunResult, run_facts, to_json, version

@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seatrial.base.atomic_write import only_user
-from seatrial.base.blas_threads import one_blas_thread
 from seatrial.base.errors import TrialError, printable
-from seatrial.base.work import callers_errors_pass
+from seatrial.base.files import only_user
+from seatrial.base.work import callers_errors_pass, one_blas_thread
 from seatrial.inspect.consistency import consistency, convention_of, series_of
 from seatrial.inspect.corrections import Consistency
 from seatrial.inspect.kind_of_data import KindOfData, kind_of_data, moved, moves

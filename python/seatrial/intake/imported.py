@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.base.atomic_write import whole_folder, write_atomic, write_table, writing
 from seatrial.base.errors import TrialError, printable
+from seatrial.base.files import whole_folder, write_atomic, write_table, writing
 from seatrial.base.report import Reported
 from seatrial.base.run import from_json
 from seatrial.inspect.consistency import accepted

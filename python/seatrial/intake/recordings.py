@@ -16,7 +16,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.channels import unit_factor
 from seatrial.base.errors import TrialError, nearest
-from seatrial.base.file_names import file_name, free_name
+from seatrial.base.files import file_name, free_name
 from seatrial.base.frames import LocalFrame
 from seatrial.intake.map_file import Column, ImportMap, MapTrial
 from seatrial.intake.survey import SurveyedLog, chosen

@@ -27,7 +27,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import TrialError
-from seatrial.base.file_names import file_name
+from seatrial.base.files import file_name
 from seatrial.base.toml_file import VEHICLE, is_path, loaded, text_of
 from seatrial.inspect.manoeuvres import drives
 from seatrial.intake.campaign_draft import draft

@@ -22,8 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from seatrial._core import State, Vehicle
-from seatrial.ardusub.parameters import ParameterFile
-from seatrial.ardusub.servos import Channel, ChannelMap, map_channels, map_parameters
+from seatrial.ardusub.parameters import Channel, ChannelMap, ParameterFile, map_channels, map_parameters
 from seatrial.base.errors import SimulationError, reason
 from seatrial.base.plain import Plain
 from seatrial.base.report import Reported

@@ -18,8 +18,8 @@ import numpy as np
 
 from seatrial._core import Autopilot, State, Vehicle
 from seatrial.base.arrays import Array
-from seatrial.base.atomic_write import parquet
 from seatrial.base.errors import SimulationError
+from seatrial.base.files import parquet
 from seatrial.base.plain import Plain
 from seatrial.base.report import Reported, clause_of
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from seatrial._core import Vehicle
-from seatrial.base.atomic_write import write_atomic, writing
 from seatrial.base.budget import Budget, guarded
 from seatrial.base.errors import VehicleError
+from seatrial.base.files import write_atomic, writing
 from seatrial.base.plain import Plain
 from seatrial.base.report import Report, Reported, report_of
 from seatrial.base.toml_file import loaded

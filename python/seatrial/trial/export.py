@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.atomic_write import write_atomic, write_table, writing
 from seatrial.base.channels import unit_factor
 from seatrial.base.errors import TrialError, nearest
+from seatrial.base.files import write_atomic, write_table, writing
 from seatrial.base.frames import attitude_to_ned, from_euler
 from seatrial.logs.formats import extra
 

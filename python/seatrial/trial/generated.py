@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from seatrial.base.arrays import Array
-from seatrial.base.atomic_write import write_table
 from seatrial.base.errors import DivergenceError, TrialError, nearest
+from seatrial.base.files import write_table
 from seatrial.base.toml_file import Name, Number, Positive, Section
 from seatrial.flight.flight import Flight
 from seatrial.sensors.log import ON_THE_TETHER, Surroundings, at_sea, finer, held, measure, times

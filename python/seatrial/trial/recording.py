@@ -15,9 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from seatrial.base.arrays import Array
-from seatrial.base.atomic_write import before_table
 from seatrial.base.errors import TrialError, first_line, nearest
-from seatrial.base.file_names import no_file
+from seatrial.base.files import before_table, no_file
 from seatrial.logs.clock import scale_of
 from seatrial.logs.formats import FORMATS as LOGS
 from seatrial.logs.formats import open_log

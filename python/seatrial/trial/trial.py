@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array, Mask
-from seatrial.base.atomic_write import write_table
 from seatrial.base.channels import ANGLES, CHANNELS
 from seatrial.base.errors import TrialError, nearest
+from seatrial.base.files import write_table
 from seatrial.base.work import Clock, Progress, callers_errors_pass
 from seatrial.trial import alignment, attitude, table
 from seatrial.trial.assembly import assemble, smooth, spline

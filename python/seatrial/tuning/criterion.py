@@ -26,9 +26,8 @@ from seatrial.control_design.corridor import Corridor
 from seatrial.control_design.operating_points import AutopilotFacts, autopilot_facts
 from seatrial.control_design.tuning_table import LOOPS, Weights, default_steps
 from seatrial.tuning.step_trial import LoopTrials, Samples
-from seatrial.vehicle.actuators import NOMINAL_V
-from seatrial.vehicle.authority import LOOPS as ORDER
-from seatrial.vehicle.authority import ROWS, delays, reach
+from seatrial.vehicle.actuators import LOOPS as ORDER
+from seatrial.vehicle.actuators import NOMINAL_V, ROWS, delays, reach
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.base.atomic_write import parquet
+from seatrial.base.files import parquet
 from seatrial.base.plain import plain
 from seatrial.base.run import RunResult, to_json
 from seatrial.flight.mismatch import tuned_for

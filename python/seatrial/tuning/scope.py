@@ -19,8 +19,7 @@ from seatrial.control_design.operating_points import autopilot_facts, reachable_
 from seatrial.control_design.start_guidance import steady_speed
 from seatrial.control_design.tuning_table import TuningTable
 from seatrial.tuning.step_trial import RIDES_ON, Rig, Samples
-from seatrial.vehicle.actuators import NOMINAL_V
-from seatrial.vehicle.authority import LOOPS, ROWS, reach
+from seatrial.vehicle.actuators import LOOPS, NOMINAL_V, ROWS, reach
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle

@@ -1,13 +1,18 @@
-"""What each actuator does: its push in words, the wrench at bollard pull, limits and groups.
+"""What actuators do and can do: pushes in words, limits and groups; reach, delay and coupling of each axis.
 
 The force is the model's own, behind the whole chain from command to wrench: the vehicle is held (no axis
 free) until the motor has settled, at rest for a thruster, in a steady flow from ahead for a fin. A sentence
-per actuator shows a wrong sign before any trial. Held by ``tests/check/test_check.py``.
+per actuator shows a wrong sign before any trial.
+
+The reach of a row of the wrench is the largest force or moment with the other rows of the autopilot at zero
+and the surge force free: a linear programme over the actuators' thrust between their largest commands, taken
+from the vehicle's own chain at a speed ahead. Held by ``tests/check/test_check.py`` and
+``tests/control_design/test_control_design.py``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +31,7 @@ NOMINAL_V = 14.8
 
 @dataclass(frozen=True)
 class ActuatorSettings:
-    """What an actuator counts for."""
+    """What an actuator counts for, and when actuators command a row of the wrench."""
 
     under_way_m_s: float = 1.5  #: Speed ahead at which a fin is judged, m/s.
     main_share: float = 0.5  #: Share of the largest force from which it is what an actuator mainly does.
@@ -36,6 +41,12 @@ class ActuatorSettings:
     lever_m: float = 0.02  #: Lever of a force below which it counts as no turning moment, m.
     #: Wrench about O per newton, 1 and m, from which a thruster serves a row.
     direct_wrench: tuple[float, ...] = (0.5, 0.5, 0.5, 0.03, 0.03, 0.03)
+    #: Share of what the strongest actuator gives from which an actuator counts for a row.
+    part_share: float = 0.1
+    ramp_share: float = 0.1  #: Share of the largest command that a small correction asks for.
+    nothing_n: float = 1e-3  #: Force or moment that is nothing, N or N m.
+    #: Singular value, as a share of the largest, below which actuators command nothing in practice.
+    weak_share: float = 0.02
 
 
 SETTINGS = ActuatorSettings()
@@ -184,11 +195,8 @@ def pushed_axes(vehicle: Vehicle) -> str:
     if not vehicle.actuators:
         return "XYZKMN"
     matrix = np.abs(np.asarray(vehicle.allocation_matrix()).reshape(6, -1)[:, thrusters])
-    return "".join(
-        axis
-        for axis, row, least in zip("XYZKMN", matrix, SETTINGS.direct_wrench, strict=True)
-        if row.max(initial=0.0) >= least
-    )
+    rows = zip(AXES, matrix, SETTINGS.direct_wrench, strict=True)
+    return "".join(axis for axis, row, least in rows if row.max(initial=0.0) >= least)
 
 
 def fins_and_groups(vehicle: Vehicle) -> tuple[str, ...]:
@@ -254,3 +262,203 @@ def drivers(vehicle: Vehicle) -> dict[str, tuple[str, ...]]:
                 if entry >= SETTINGS.main_share * most
             )
     return names_by_axis
+
+
+ROWS = AXES
+"""Rows of the wrench."""
+
+LOOPS = ("surge", "sway", "heave", "roll", "pitch", "heading")
+"""The loop of each row of the wrench."""
+
+
+@dataclass(frozen=True)
+class Delay:
+    """How late a row of the wrench follows its demand, s: lag, dead time, ramp of a small correction."""
+
+    lag_s: float
+    dead_s: float
+    ramp_s: float
+
+    @property
+    def total_s(self) -> float:
+        """Sum of the three: the phase that it costs at low frequencies, in s."""
+        return self.lag_s + self.dead_s + self.ramp_s
+
+
+def thrusts(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOMINAL_V) -> Array:
+    """Smallest and largest thrust (actuators, 2) in N along each actuator's column, at a speed ahead.
+
+    A fin's thrust is its force along the normal beyond that at neutral.
+    """
+    matrix, facts = np.asarray(vehicle.allocation_matrix()), vehicle.actuator_info()
+    limits = np.zeros((len(vehicle.actuators), 2))
+    idle = bollard(vehicle, {}, voltage_v=voltage_v, speed_m_s=speed_m_s)
+    for k, name in enumerate(vehicle.actuators):
+        direction = matrix[:3, k] / max(float(matrix[:3, k] @ matrix[:3, k]), 1e-12)
+        rest = idle[:3] if facts[name]["kind"] == "fin" else _others(vehicle, name, speed_m_s, voltage_v)
+        reached = [0.0]
+        for share in (-1.0, 1.0):
+            if can_push(facts[name], share):
+                commands = {name: command(facts[name], share)}
+                wrench = bollard(vehicle, commands, voltage_v=voltage_v, speed_m_s=speed_m_s)
+                reached.append(float(direction @ (wrench[:3] - rest)))
+        limits[k] = min(reached), max(reached)
+    return limits
+
+
+def _others(vehicle: Vehicle, name: str, speed_m_s: float, voltage_v: float) -> Array:
+    """Force (3,) in N of all other actuators at neutral: fins in the flow."""
+    if not any(facts["kind"] == "fin" for facts in vehicle.actuator_info().values()):
+        return np.zeros(3)
+    return bollard(vehicle, {}, voltage_v=voltage_v, speed_m_s=speed_m_s)[:3]
+
+
+def reach(vehicle: Vehicle, speed_m_s: float, rows: str, *, voltage_v: float = NOMINAL_V) -> dict[str, Array]:
+    """Per row of `rows` the smallest and largest force or moment (2,) in N or N m at a speed ahead.
+
+    Rows are those that the autopilot commands, letters of XYZKMN; those not asked for and not X stay at zero.
+    Tables of thrust are read at `voltage_v`, V.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> [round(float(x)) for x in reach(st.Vehicle.load("cwolf"), 0.0, "XZMN")["X"]]
+    [-220, 308]
+    """
+    from scipy.optimize import linprog
+
+    matrix = np.asarray(vehicle.allocation_matrix())
+    limits = thrusts(vehicle, speed_m_s, voltage_v=voltage_v)
+    extremes = {}
+    for row in rows:
+        # The other rows are kept at zero, all but surge, which is free.
+        fixed = [ROWS.index(other) for other in rows if other not in (row, "X")]
+        bounds = []
+        # linprog minimises: the largest value is the smallest one of the negative.
+        for sign in (1.0, -1.0):
+            answer = linprog(
+                sign * matrix[ROWS.index(row)],
+                A_eq=matrix[fixed] if fixed else None,
+                b_eq=np.zeros(len(fixed)) if fixed else None,
+                bounds=list(map(tuple, limits)),
+            )
+            bounds.append(sign * float(answer.fun) if answer.success else 0.0)
+        extremes[row] = np.array(bounds)
+    return extremes
+
+
+def commandable(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOMINAL_V) -> dict[str, str]:
+    """Rows that cannot be commanded at this speed ahead, with the reason; the others can, independently.
+
+    The rows are those that the vehicle file calls controllable; one that has no reach while the others are
+    held at zero is left out, moments of roll and pitch first.
+    """
+    from numpy.linalg import matrix_rank
+
+    matrix = np.asarray(vehicle.allocation_matrix())
+    missing = dict.fromkeys(ROWS, "the vehicle file does not call it controllable")
+    kept = ""
+    for row in [r for r in "XNMZYK" if r in vehicle.controllable]:
+        rows = [ROWS.index(r) for r in kept + row]
+        scaled = matrix[rows] / np.maximum(np.abs(matrix[rows]).max(axis=1, keepdims=True), 1e-12)
+        if matrix_rank(scaled, tol=1e-2) < len(rows):
+            missing[row] = "the actuators cannot give it independently of the other rows"
+            continue
+        kept += row
+        del missing[row]
+    limits = reach(vehicle, speed_m_s, "".join(r for r in ROWS if r in kept), voltage_v=voltage_v)
+    for row, (low, high) in limits.items():
+        if high < SETTINGS.nothing_n or (row != "X" and low > -SETTINGS.nothing_n):
+            missing[row] = f"the actuators have no reach at {speed_m_s:.2g} m/s"
+    return {row: missing[row] for row in ROWS if row in missing}
+
+
+def commanded_rows(vehicle: Vehicle) -> list[str]:
+    """Rows of the wrench that the actuators can command independently, among X Y Z K M N.
+
+    The rows that the vehicle file lists as controllable are tried first; the others join where they can.
+    What happens in the rows left out is not asked: a canted propeller may push sideways while it turns.
+    """
+    order = _by_importance(vehicle)
+    declared = [row for row in order if row in vehicle.controllable]
+    return _independent(vehicle, (*declared, *(row for row in order if row not in declared)))
+
+
+def advised_rows(vehicle: Vehicle) -> list[str]:
+    """Rows that a vehicle file should call controllable: as many as are independent, what steers it first.
+
+    An autopilot needs surge, yaw, and heave or pitch (`seatrial.control_design.start_gains`), so that these
+    come before what the same actuators could do instead.
+    """
+    return _independent(vehicle, _by_importance(vehicle))
+
+
+def _by_importance(vehicle: Vehicle) -> str:
+    """Rows in the order in which they are needed: surge, yaw, the one that makes depth, the others.
+
+    Stern planes dive by pitch, vertical thrusters by heave, wherever they sit.
+    """
+    heave = np.abs(np.asarray(vehicle.allocation_matrix()).reshape(6, -1)[2])
+    facts = vehicle.actuator_info()
+    fins = np.array([facts[name]["kind"] == "fin" for name in vehicle.actuators], bool)
+    thrusters = heave[~fins].max(initial=0.0) > SETTINGS.part_share * heave.max(initial=0.0)
+    return "XNZMYK" if thrusters else "XNMZYK"
+
+
+def _independent(vehicle: Vehicle, order: Sequence[str]) -> list[str]:
+    """Rows of `order` that the actuators command independently of those before them, as XYZKMN."""
+    matrix = np.asarray(vehicle.allocation_matrix())
+    if matrix.size == 0:
+        return []
+    lever = max(0.5 * vehicle.geometry().get("length", 2.0), 1e-6)
+    scaled = matrix / np.array([1.0, 1.0, 1.0, lever, lever, lever])[:, None]
+    largest = np.linalg.norm(scaled, 2)
+    able: list[str] = []
+    for row in order:
+        tried = scaled[[ROWS.index(name) for name in (*able, row)]]
+        sizes = np.linalg.svd(tried, compute_uv=False)
+        if len(able) < matrix.shape[1] and sizes[-1] > SETTINGS.weak_share * largest:
+            able.append(row)
+    return [row for row in ROWS if row in able]
+
+
+def delays(vehicle: Vehicle, rows: str) -> dict[str, Delay]:
+    """How late each row follows its demand: that of the slowest actuator with a part in it."""
+    matrix, values, facts = (
+        np.asarray(vehicle.allocation_matrix()),
+        vehicle.coefficients(),
+        vehicle.actuator_info(),
+    )
+    by_row = {}
+    for row in rows:
+        strength = np.abs(matrix[ROWS.index(row)])
+        least = SETTINGS.part_share * strength.max()
+        late = [
+            (values.get(f"{name}.T_1", 0.0), values.get(f"{name}.T_t", 0.0),
+             _ramp(facts[name], values.get(f"{name}.n_acc", 0.0)))
+            for name, entry in zip(vehicle.actuators, strength, strict=True)
+            if entry > least
+        ]  # fmt: skip
+        by_row[row] = Delay(*(max(times) for times in zip((0.0, 0.0, 0.0), *late, strict=True)))
+    return by_row
+
+
+def mixing(vehicle: Vehicle, rows: Sequence[str], actuators: Sequence[str] | None = None) -> Array:
+    """Full wrench (6, rows) per unit of each commanded row: what the least-squares allocation brings along.
+
+    A fin at the stern that gives a pitch moment gives a heave force, too. ``actuators`` are those at work,
+    all by default.
+    """
+    matrix = np.asarray(vehicle.allocation_matrix())
+    if actuators is not None:
+        matrix = matrix * np.array([name in actuators for name in vehicle.actuators])
+    chosen = [ROWS.index(row) for row in rows]
+    full: Array = matrix @ np.linalg.pinv(matrix[chosen], rcond=1e-3)
+    full[np.abs(full) < 1e-12] = 0.0
+    return full
+
+
+def _ramp(facts: Mapping[str, Any], rate: float) -> float:
+    """Time of a small correction at a limited rate, s; zero where rate or command have no limit."""
+    most = float(facts["maximum_ahead"])
+    return SETTINGS.ramp_share * most / rate if rate > 0.0 and np.isfinite(most) else 0.0

@@ -18,7 +18,17 @@ from numpy.typing import ArrayLike
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import DivergenceError, VehicleError
-from seatrial.vehicle.actuators import NOMINAL_V, can_push, command, largest, settling_s, voltage_for
+from seatrial.vehicle.actuators import (
+    NOMINAL_V,
+    ROWS,
+    can_push,
+    command,
+    commandable,
+    largest,
+    settling_s,
+    thrusts,
+    voltage_for,
+)
 from seatrial.vehicle.stability import positive_damping
 
 if TYPE_CHECKING:
@@ -60,7 +70,7 @@ class SteadyStateSettings:
     first_rate_rad_s: float = 1e-3
 
 
-STEADY_STATE_SETTINGS = SteadyStateSettings()
+SETTINGS = SteadyStateSettings()
 
 
 @dataclass(frozen=True)
@@ -108,10 +118,10 @@ def steady(
 
     # A stretched tether would end every motion at its length.
     vehicle = without_pull(vehicle)
-    t = np.arange(0.0, STEADY_STATE_SETTINGS.round_s, STEADY_STATE_SETTINGS.sample_s)
+    t = np.arange(0.0, SETTINGS.round_s, SETTINGS.sample_s)
     inputs: dict[str, ArrayLike] = {name: np.full(len(t), value) for name, value in commands.items()}
     state = State(nu=nu)
-    for _ in range(STEADY_STATE_SETTINGS.most_rounds):
+    for _ in range(SETTINGS.most_rounds):
         try:
             run = vehicle.simulate(t, inputs, state, free=free, voltage_v=voltage_for(vehicle, t, voltage_v))
         except DivergenceError:
@@ -119,7 +129,7 @@ def steady(
             return Steady(nothing, nothing, dict.fromkeys(commands, math.nan), settled=False)
         last = np.asarray(run.nu)[-len(t) // 10 :]
         signals = {name: float(np.asarray(y)[-1]) for name, y in run.actuators.items()}
-        settled = bool(np.ptp(last, axis=0).max() < STEADY_STATE_SETTINGS.steady_change)
+        settled = bool(np.ptp(last, axis=0).max() < SETTINGS.steady_change)
         if settled:
             break
         # The next round goes on from here, back at the origin.
@@ -193,15 +203,12 @@ def drivers(vehicle: Vehicle) -> dict[str, float]:
     return {
         name: float(np.sign(matrix[0, k]))
         for k, name in enumerate(vehicle.actuators)
-        if abs(matrix[0, k]) > STEADY_STATE_SETTINGS.drives_share * max(sizes[k], 1e-12)
+        if abs(matrix[0, k]) > SETTINGS.drives_share * max(sizes[k], 1e-12)
     }
 
 
 def speeds(
-    vehicle: Vehicle,
-    *,
-    voltage_v: float = NOMINAL_V,
-    shares: Sequence[float] = STEADY_STATE_SETTINGS.speed_shares,
+    vehicle: Vehicle, *, voltage_v: float = NOMINAL_V, shares: Sequence[float] = SETTINGS.speed_shares
 ) -> tuple[Speed, ...]:
     """Steady speeds at shares of the largest command, all that drive ahead together; empty if none does.
 
@@ -229,9 +236,9 @@ def refuse_impossible_speed(vehicle: Vehicle, rows: Sequence[Speed]) -> None:
     top = max(rows, key=lambda row: row.speed_m_s, default=None)
     # Damping of the wrong sign is said coefficient by coefficient, with the rest of the check.
     runaway = top is None and bool(drivers(vehicle)) and not positive_damping(vehicle)
-    if not runaway and (top is None or top.speed_m_s <= STEADY_STATE_SETTINGS.fastest_m_s):
+    if not runaway and (top is None or top.speed_m_s <= SETTINGS.fastest_m_s):
         return
-    known, fastest = vehicle.coefficients(), STEADY_STATE_SETTINGS.fastest_m_s
+    known, fastest = vehicle.coefficients(), SETTINGS.fastest_m_s
     damping = ", ".join(f"{name} = {known.get(name, 0.0):g}" for name in ("X_u", "X_uu"))
     raise VehicleError(
         f"{vehicle.name}: top speed {'without bounds' if top is None else f'{top.speed_m_s:.3g} m/s'} against"
@@ -311,16 +318,14 @@ def cruise(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOMINAL_V) 
         low, high = (middle, high) if held(middle)[0] < drag else (low, middle)
     thrust, signals = held(high)
     # The drag lies within a jump, as below the least revolutions: no command holds this speed.
-    if abs(thrust - drag) > STEADY_STATE_SETTINGS.balanced_share * max(abs(drag), 1e-9):
+    if abs(thrust - drag) > SETTINGS.balanced_share * max(abs(drag), 1e-9):
         return None
     return _row(vehicle, high, speed_m_s, thrust, signals)
 
 
 def round_speeds_kn(top_kn: float) -> list[float]:
     """Round speeds in kn up to the top speed, at most seven."""
-    step = next(
-        (s for s in STEADY_STATE_SETTINGS.steps_kn if top_kn / s < 8.0), STEADY_STATE_SETTINGS.steps_kn[-1]
-    )
+    step = next((s for s in SETTINGS.steps_kn if top_kn / s < 8.0), SETTINGS.steps_kn[-1])
     return [step * k for k in range(1, min(int(top_kn / step), 7) + 1)]
 
 
@@ -352,10 +357,7 @@ def turn_kinds(vehicle: Vehicle) -> dict[str, float]:
 
 
 def turns(
-    vehicle: Vehicle,
-    *,
-    voltage_v: float = NOMINAL_V,
-    shares: Sequence[float] = STEADY_STATE_SETTINGS.turn_shares,
+    vehicle: Vehicle, *, voltage_v: float = NOMINAL_V, shares: Sequence[float] = SETTINGS.turn_shares
 ) -> tuple[Turn, ...]:
     """Steady turns by different thrust on both sides; empty where the actuators that drive cannot turn it.
 
@@ -366,27 +368,26 @@ def turns(
     circles = []
     for kind, ratio in turn_kinds(vehicle).items():
         for share in shares:
-            commands = turn_commands(vehicle, share, ratio * share)
-            turn = steady(vehicle, commands, free="XYN", voltage_v=voltage_v)
-            speed, rate = float(np.hypot(turn.nu[0], turn.nu[1])), float(turn.nu[5])
-            # A turn that swings, or a straight course, has no radius.
-            if not turn.settled or abs(rate) < 1e-4:
+            inner = ratio * share
+            circle = _circle(vehicle, turn_commands(vehicle, share, inner), voltage_v)
+            if circle is None:
                 continue
             first = next(iter(driving))
-            inner = ratio * share
-            circles.append(
-                Turn(
-                    kind=kind,
-                    share=share,
-                    command=share * largest(facts[first], driving[first]),
-                    inner=inner * largest(facts[first], driving[first] * (1.0 if inner >= 0.0 else -1.0)),
-                    unit=str(facts[first]["unit"]),
-                    radius_m=speed / abs(rate),
-                    rate_deg_s=float(np.rad2deg(rate)),
-                    speed_m_s=speed,
-                )
-            )
+            outer_step = share * largest(facts[first], driving[first])
+            inner_step = inner * largest(facts[first], driving[first] * (1.0 if inner >= 0.0 else -1.0))
+            circles.append(Turn(kind, share, outer_step, inner_step, str(facts[first]["unit"]), *circle))
     return tuple(circles)
+
+
+def _circle(
+    vehicle: Vehicle, commands: Mapping[str, float], voltage_v: float
+) -> tuple[float, float, float] | None:
+    """Radius in m, rate in deg/s and speed in m/s of a steady turn; None for one that swings, or none."""
+    turn = steady(vehicle, commands, free="XYN", voltage_v=voltage_v)
+    speed, rate = float(np.hypot(turn.nu[0], turn.nu[1])), float(turn.nu[5])
+    if not turn.settled or abs(rate) < 1e-4:
+        return None
+    return speed / abs(rate), float(np.rad2deg(rate)), speed
 
 
 def _ahead(vehicle: Vehicle, share: float) -> dict[str, float]:
@@ -397,15 +398,8 @@ def _ahead(vehicle: Vehicle, share: float) -> dict[str, float]:
 def _row(vehicle: Vehicle, share: float, speed: float, thrust: float, signals: dict[str, float]) -> Speed:
     facts, driving = vehicle.actuator_info(), drivers(vehicle)
     first = next(iter(driving))
-    power = _power(vehicle, signals)
-    return Speed(
-        command=share * largest(facts[first], driving[first]),
-        unit=str(facts[first]["unit"]),
-        speed_m_s=speed,
-        thrust_n=thrust,
-        power_w=power,
-        endurance_h=_endurance(vehicle, power),
-    )
+    step, power = share * largest(facts[first], driving[first]), _power(vehicle, signals)
+    return Speed(step, str(facts[first]["unit"]), speed, thrust, power, _endurance(vehicle, power))
 
 
 def _power(vehicle: Vehicle, revolutions: dict[str, float]) -> float | None:
@@ -454,7 +448,7 @@ def rudders(vehicle: Vehicle) -> dict[str, float]:
     return {
         name: float(np.sign(moment[2]))
         for name, moment in moments.items()
-        if abs(moment[2]) > STEADY_STATE_SETTINGS.steers_share * max(float(np.linalg.norm(moment)), 1e-12)
+        if abs(moment[2]) > SETTINGS.steers_share * max(float(np.linalg.norm(moment)), 1e-12)
     }
 
 
@@ -476,35 +470,21 @@ def fin_turn(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> FinTurn | Non
     steering, driving, facts = rudders(vehicle), drivers(vehicle), vehicle.actuator_info()
     if not steering or not driving:
         return None
-    commands = {
-        name: command(facts[name], STEADY_STATE_SETTINGS.fin_turn_share * sense)
-        for name, sense in driving.items()
-    }
-    commands |= {
-        name: command(facts[name], STEADY_STATE_SETTINGS.fin_turn_share * sense)
-        for name, sense in steering.items()
-    }
-    turn = steady(vehicle, commands, free="XYN", voltage_v=voltage_v)
-    speed, rate = float(np.hypot(turn.nu[0], turn.nu[1])), float(turn.nu[5])
-    # A turn that swings, or a straight course, has no radius.
-    if not turn.settled or abs(rate) < 1e-4:
+    half = SETTINGS.fin_turn_share
+    commands = {name: command(facts[name], half * sense) for name, sense in (driving | steering).items()}
+    circle = _circle(vehicle, commands, voltage_v)
+    if circle is None:
         return None
     first, fin = next(iter(driving)), next(iter(steering))
-    return FinTurn(
-        fin_deg=float(np.rad2deg(STEADY_STATE_SETTINGS.fin_turn_share * largest(facts[fin], steering[fin]))),
-        command=STEADY_STATE_SETTINGS.fin_turn_share * largest(facts[first], driving[first]),
-        unit=str(facts[first]["unit"]),
-        radius_m=speed / abs(rate),
-        rate_deg_s=float(np.rad2deg(rate)),
-        speed_m_s=speed,
-    )
+    angle = float(np.rad2deg(half * largest(facts[fin], steering[fin])))
+    return FinTurn(angle, half * largest(facts[first], driving[first]), str(facts[first]["unit"]), *circle)
 
 
 def turning_radius(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOMINAL_V) -> float | None:
     """Radius in m of the tightest circle at a speed ahead; None where it cannot turn and hold the speed.
 
     Thrusters give the largest yaw moment that leaves the thrust ahead and the other commanded rows as level
-    flight needs them (a linear programme over what each actuator reaches, `seatrial.vehicle.authority`),
+    flight needs them (a linear programme over what each actuator reaches, `seatrial.vehicle.actuators`),
     rudders are hard over in the flow as it is in the turn; sway and yaw then settle while the speed is held.
 
     The speed is through the water; tables of thrust are read at `voltage_v`, V.
@@ -519,7 +499,6 @@ def turning_radius(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOM
     from scipy.optimize import linprog
 
     from seatrial._core import State
-    from seatrial.vehicle.authority import ROWS, commandable, thrusts
 
     if not vehicle.actuators:
         return None
@@ -538,10 +517,7 @@ def turning_radius(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOM
     )
     if not solution.success or -solution.fun <= 0.0:
         return None
-    facts, t = (
-        vehicle.actuator_info(),
-        np.linspace(0.0, STEADY_STATE_SETTINGS.turn_s, STEADY_STATE_SETTINGS.turn_samples),
-    )
+    facts, t = vehicle.actuator_info(), np.linspace(0.0, SETTINGS.turn_s, SETTINGS.turn_samples)
     hard_over = {
         name: np.full(len(t), command(facts[name], sense)) for name, sense in rudders(vehicle).items()
     }
@@ -549,14 +525,8 @@ def turning_radius(vehicle: Vehicle, speed_m_s: float, *, voltage_v: float = NOM
     thrusting = np.array([facts[name]["kind"] != "fin" for name in vehicle.actuators])
     wrench = matrix @ np.where(thrusting, solution.x, 0.0)
     # Without a yaw rate the vehicle would stay on its straight course.
-    nu[5] = STEADY_STATE_SETTINGS.first_rate_rad_s
-    run = without_pull(vehicle).simulate(
-        t,
-        hard_over,
-        State(nu=nu),
-        free="YN",
-        tau=np.tile(wrench, (len(t), 1)),
-        voltage_v=voltage_for(vehicle, t, voltage_v),
-    )
+    nu[5] = SETTINGS.first_rate_rad_s
+    tau, voltage = np.tile(wrench, (len(t), 1)), voltage_for(vehicle, t, voltage_v)
+    run = without_pull(vehicle).simulate(t, hard_over, State(nu=nu), free="YN", tau=tau, voltage_v=voltage)
     u, v, *_, rate = np.asarray(run.nu)[-1]
-    return float(np.hypot(u, v) / abs(rate)) if abs(rate) > STEADY_STATE_SETTINGS.straight_rad_s else None
+    return float(np.hypot(u, v) / abs(rate)) if abs(rate) > SETTINGS.straight_rad_s else None

@@ -28,8 +28,8 @@ from numpy.typing import NDArray
 
 from seatrial._core import autopilot_names
 from seatrial.base.arrays import Array
-from seatrial.base.atomic_write import before_table, parquet, write_atomic
 from seatrial.base.errors import SeatrialError, reason
+from seatrial.base.files import before_table, parquet, write_atomic
 from seatrial.flight.metrics import DIVERGED, metrics_of
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ import numpy as np
 
 from seatrial._core import Autopilot, Vehicle
 from seatrial.base.errors import CampaignError, SeatrialError, SimulationError, nearest
-from seatrial.base.file_names import file_name, free_name
+from seatrial.base.files import file_name, free_name
 from seatrial.base.finding import Finding, Severity
 from seatrial.base.report import clause_of
 from seatrial.base.run import Kind, run_facts, sha256

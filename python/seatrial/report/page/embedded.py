@@ -15,9 +15,8 @@ from html.parser import HTMLParser
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from seatrial.base.atomic_write import whole_folder, write_atomic, writing
 from seatrial.base.errors import SeatrialError, reason
-from seatrial.base.file_names import no_file
+from seatrial.base.files import no_file, whole_folder, write_atomic, writing
 from seatrial.base.run import from_json, sha256
 
 ELEMENT = "seatrial-files"

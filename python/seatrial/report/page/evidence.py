@@ -20,10 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array, runs
-from seatrial.base.atomic_write import parquet, write_atomic
 from seatrial.base.channels import ANGLES, CHANNELS, readable
 from seatrial.base.errors import SeatrialError, TrialError, first_line, reason
-from seatrial.base.file_names import content_inside
+from seatrial.base.files import content_inside, parquet, write_atomic
 from seatrial.base.run import belongs_to_run, from_json, to_json
 from seatrial.flight.excesses import broken_in
 from seatrial.flight.metrics import in_metric_units

@@ -20,10 +20,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.base.atomic_write import write_atomic
 from seatrial.base.budget import Budget, guarded
 from seatrial.base.errors import SeatrialError, reason
-from seatrial.base.file_names import file_name, free_name
+from seatrial.base.files import file_name, free_name, write_atomic
 from seatrial.base.report import Column, Table
 from seatrial.base.run import sha256, to_json, version
 from seatrial.report.page.embedded import ELEMENT, as_embedded, script_json

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from seatrial.base.errors import SeatrialError
-from seatrial.base.file_names import content_inside
+from seatrial.base.files import content_inside
 from seatrial.base.report import REPORT_FILE, Report, Section, Table
 from seatrial.base.run import RUN_FILE, from_json
 from seatrial.report.results.tuning import gain_unit

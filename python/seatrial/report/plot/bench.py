@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
-from seatrial.base.file_names import file_name, free_name
+from seatrial.base.files import file_name, free_name
 from seatrial.bench_test.characteristic import SIDES
 from seatrial.bench_test.motor_model import StepRecord
 from seatrial.report.plot.style import (

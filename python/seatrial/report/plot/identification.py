@@ -17,7 +17,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, CHANNELS
-from seatrial.base.file_names import file_name, free_name
+from seatrial.base.files import file_name, free_name
 from seatrial.report.plot.performance import characteristic
 from seatrial.report.plot.style import (
     FAINT,

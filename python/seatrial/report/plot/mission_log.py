@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from seatrial.ardusub.comparison import Replay
 from seatrial.ardusub.from_log import LogTuning
-from seatrial.ardusub.log_replay import Replay
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import CHANNELS, DEGREE, readable
 from seatrial.report.plot.flight import line

@@ -15,7 +15,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS, DEGREE, readable
-from seatrial.base.file_names import file_name, free_name
+from seatrial.base.files import file_name, free_name
 from seatrial.experiment.forecast import SETTINGS as FORECAST_SETTINGS
 from seatrial.experiment.forecast import simulated, uneven
 from seatrial.experiment.plan import Plan

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array
-from seatrial.base.atomic_write import write_atomic
 from seatrial.base.errors import SeatrialError
+from seatrial.base.files import write_atomic
 from seatrial.base.run import belongs_to_run
 
 if TYPE_CHECKING:

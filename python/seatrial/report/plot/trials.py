@@ -15,7 +15,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array, Mask, runs
 from seatrial.base.channels import ANGLES, AXES, CHANNELS, readable
-from seatrial.base.file_names import file_name, free_name
+from seatrial.base.files import file_name, free_name
 from seatrial.report.plot.style import (
     FOURTH,
     INK,

@@ -46,7 +46,7 @@ from seatrial.report.plot.style import (
     panel_title,
     stroke,
 )
-from seatrial.vehicle.authority import LOOPS as LOOP_NAMES
+from seatrial.vehicle.actuators import LOOPS as LOOP_NAMES
 
 if TYPE_CHECKING:
     from pathlib import Path

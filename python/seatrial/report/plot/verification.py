@@ -17,7 +17,7 @@ import numpy as np
 
 from seatrial._core import error_edges
 from seatrial.base.arrays import Array
-from seatrial.base.file_names import file_name, free_name
+from seatrial.base.files import file_name, free_name
 from seatrial.report.plot.cross_track import cross_track
 from seatrial.report.plot.style import (
     CYCLE,

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from seatrial.ardusub.axes import SOUGHT, AxisVerdict
-from seatrial.ardusub.from_log import LOG_TUNING_SETTINGS, LogTuning, worst_tail
-from seatrial.ardusub.reflight import REFLIGHT_SETTINGS
-from seatrial.ardusub.tuning import Spread
+from seatrial.ardusub.from_log import SETTINGS as TUNING
+from seatrial.ardusub.from_log import LogTuning, worst_tail
+from seatrial.ardusub.reflight import SETTINGS as REFLIGHT
+from seatrial.ardusub.tuning import SPREAD
 from seatrial.base.report import Column, Report, Section, Table, listed
 from seatrial.report.results import replay
 
@@ -23,6 +24,55 @@ class LogWordsSettings:
 
 
 SETTINGS = LogWordsSettings()
+
+_TRIALS = {
+    "roll": "in MANUAL, pulses of roll both ways, 2 s each, then free swinging: at least five, at two"
+    " strengths",
+    "pitch": "in MANUAL, pulses of pitch both ways, 2 s each, then free swinging: at least five, at two"
+    " strengths",
+    "yaw": "in MANUAL, a zigzag of yaw at 30 and 60 % of the stick, 20 s each, with free coasting between",
+    "depth": "in MANUAL, dives and rises at 30, 60 and 100 % of the throttle, 5 s each, then free coasting",
+    "place": "in STABILIZE, runs ahead and sideways both ways at 30, 60 and 100 % of the stick, 8 s each,"
+    " then free coasting",
+}
+
+_INERTIA_TRIALS = {
+    True: "begin with pulses of 1 s at full stick from rest, with attitude and RCOU logged fast"
+    " (ATTITUDE_FAST in LOG_BITMASK), and measure the moment of the thrusters with a spring balance at a"
+    " known lever; an inertia that you measured belongs into the vehicle file (--vehicle)",
+    False: "begin with pulses of 1 s at full stick from rest, and measure the thrust with a bollard pull",
+}
+"""What tells an inertia, or a mass, from a delay and from the thrust."""
+
+_DOUBTS = {
+    "hidden": "not identified, the controller's feedback dominates the log",
+    "unmoved": "not identified, the log moves it too little to tell it from its controller",
+    "bound": "{} ended at its bound of {:.3g}",
+    "draws": "drawn vehicles disagree, apparent mass {:.3g} ± {:.2g}",
+    "baseline": "R2 of {} on held-out data {:.2f}, the best baseline {:.2f}",
+}
+"""What speaks against a judgement of an axis."""
+
+
+def doubt(axis: str, kind: str, *values: object) -> str:
+    """What speaks against a judgement of an axis."""
+    return f"{axis}: {_DOUBTS[kind].format(*values)}"
+
+
+def why_changed(missions: int, costs: tuple[float, float, float], *, at_end: bool) -> str:
+    """What a change is worth: costs in s before, after and without it, and whether its range ends there."""
+    before, after, without = costs
+    end = "; at the end of ArduPilot's range" if at_end else ""
+    return (
+        f"worst tenth of {missions} missions: out of the corridor for {before:.3f} s before, {after:.3f} s"
+        f" after, {without:.3f} s without this change (cost includes missing margins){end}"
+    )
+
+
+def trial(loop: str, *, implausible: bool) -> str:
+    """The trial that would tell a loop, where its mass was implausible with what tells that."""
+    turns = loop in ("roll", "pitch", "yaw")
+    return f"{_TRIALS[loop]}; {_INERTIA_TRIALS[turns]}" if implausible else _TRIALS[loop]
 
 
 def report(tuning: LogTuning) -> Report:
@@ -94,8 +144,8 @@ def _harm(tuning: LogTuning) -> list[str]:
         worst = tuning.before.worst(name), tuning.after.worst(name)
         tail = worst_tail(tuning.before, name), worst_tail(tuning.after, name)
         if (
-            worst[1] > LOG_TUNING_SETTINGS.no_worse_ratio * worst[0] + 0.01
-            or tail[1] > LOG_TUNING_SETTINGS.no_worse_ratio * tail[0] + 0.01
+            worst[1] > TUNING.no_worse_ratio * worst[0] + 0.01
+            or tail[1] > TUNING.no_worse_ratio * tail[0] + 0.01
         ):
             words.append(
                 f"the worst violation of {name} goes from {worst[0]:.2f} to {worst[1]:.2f} s, the mean of the"
@@ -117,7 +167,7 @@ def _worst(tuning: LogTuning) -> str:
         outside = share.fit if math.isnan(share.held_out) else share.held_out
         words.append(
             f"the {share.channel} error of the log is outside the envelope in {100 * outside:.0f} % of the"
-            f" held-out rows, expected at most {100 * REFLIGHT_SETTINGS.accepted_outside_share:.0f} %"
+            f" held-out rows, expected at most {100 * REFLIGHT.accepted_outside_share:.0f} %"
         )
     if stays:
         words.append(
@@ -244,7 +294,10 @@ def _behind(tuning: LogTuning) -> tuple[str, ...]:
         f" {', '.join(_short(x) for x in wander[:3])} N and {', '.join(_short(x) for x in wander[3:])} N m"
         f" with a time constant of {rig.wander_s:g} s; current {_short(float(tuning.reflight.current[0]))}"
         f" m/s north, {_short(float(tuning.reflight.current[1]))} m/s east.",
-        Spread().sentence(),
+        f"Drawn: vehicle from the covariance, current up to {SPREAD.current_m_s:g} m/s, tether up to"
+        f" {SPREAD.tether_n:g} N, thrust at the beginning from {100 * SPREAD.battery:.0f} % (battery), up to"
+        f" {100 * SPREAD.fall:.0f} % lost on the way and {100 * SPREAD.sag:.0f} % at full load, and the"
+        " wandering wrench that was found.",
         "The missions judge the loops under the model that the log identified: its errors affect the results"
         " before and after the changes alike.",
     ]

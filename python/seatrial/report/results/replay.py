@@ -8,8 +8,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from seatrial.ardusub.comparison import Found
-from seatrial.ardusub.log_replay import Replay
+from seatrial.ardusub.comparison import Found, Replay
 from seatrial.base.report import Column, Report, Section, Table, listed
 
 

@@ -19,7 +19,7 @@ from seatrial.tuning.performance import PERFORMANCE_SETTINGS, Performance, StepP
 from seatrial.tuning.result import Tuning, missed_limits, shown_below, without_table
 from seatrial.tuning.scope import GAINS
 from seatrial.tuning.search import GUIDANCE_SEARCH
-from seatrial.vehicle.authority import LOOPS
+from seatrial.vehicle.actuators import LOOPS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

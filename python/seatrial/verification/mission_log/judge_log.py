@@ -15,12 +15,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from seatrial.base.blas_threads import one_blas_thread
 from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import CampaignError, SimulationError
 from seatrial.base.finding import Finding, Severity
 from seatrial.base.toml_file import loaded
-from seatrial.base.work import Clock, takes
+from seatrial.base.work import Clock, one_blas_thread, takes
 from seatrial.flight.mission import Mission
 from seatrial.identification.fitted import Fitted
 from seatrial.inspect.verdict import blind, judge_trial

@@ -14,10 +14,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from seatrial.base import data_sets
-from seatrial.base.data_sets import DATA_SETS, DataFile, DataSet, get
 from seatrial.base.errors import TrialError
+from seatrial.base.files import data_folder
 from seatrial.cli import app
+from seatrial.cli.data import DATA_SETS, DataFile, DataSet, get
 
 CONTENT = {"one.csv": b"t_s,u_m_s\n0,1\n", "two.csv": b"t_s,u_m_s\n0,2\n"}
 
@@ -155,6 +155,6 @@ def test_a_campaign_finds_recordings_in_the_users_cache(
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     with pytest.raises(CampaignError, match=r"is not set; .* or fetch recordings with seatrial data get"):
         file_path("${SEATRIAL_DATA}/beluga/a.csv", tmp_path, "c.toml")
-    data_sets.data_folder().mkdir(parents=True)
+    data_folder().mkdir(parents=True)
     found = file_path("${SEATRIAL_DATA}/beluga/a.csv", tmp_path, "c.toml")
     assert found == tmp_path / "seatrial" / "beluga" / "a.csv"

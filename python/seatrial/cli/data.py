@@ -1,23 +1,27 @@
-"""Recordings of real vehicles that may be fetched: their original source, size, SHA-256 and licence.
+"""`seatrial data`: recordings of real vehicles that may be fetched, from their original source and by hash.
 
 They are kept in the folder that the environment variable ``SEATRIAL_DATA`` names, else in a cache of the
 user. A file counts only with its hash; it is fetched beside its place and renamed, never over another one.
-Held by ``tests/base/test_data_sets.py``.
+Held by ``tests/cli/test_data_sets.py``.
 """
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
 
 from seatrial.base.errors import TrialError, nearest, reason
+from seatrial.base.files import VARIABLE, data_folder
 from seatrial.base.run import sha256
+from seatrial.cli.options import Json
 
-VARIABLE = "SEATRIAL_DATA"
+if TYPE_CHECKING:
+    from seatrial.base.report import Report
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,9 @@ _PIER = (
     "3276cc2e15f7d4a0771aa2ff0c4dc8b7c22976de/logs/"
 )
 
+_DIVE = "ca9b387712f320df9b099e8533289e9aaa354a2408ad3afca930d593093f5bf4"
+_T200 = "b5d3cc4f8946d4820403d52a617d86ab22f79a64bbd911377bb763489ce0b3c7"
+
 DATA_SETS: dict[str, DataSet] = {
     "beluga": DataSet(
         "beluga",
@@ -70,13 +77,7 @@ DATA_SETS: dict[str, DataSet] = {
         "t200",
         "bollard thrust of the T200 thruster at 10 to 20 V (September 2019)",
         "public performance data of Blue Robotics",
-        (
-            DataFile(
-                "t200_bollard_10_20V.csv",
-                "b5d3cc4f8946d4820403d52a617d86ab22f79a64bbd911377bb763489ce0b3c7",
-                70_557,
-            ),
-        ),
+        (DataFile("t200_bollard_10_20V.csv", _T200, 70_557),),
         otherwise="the maker publishes a spreadsheet, of which this table is the export; name a mirror that"
         " has the table with --from",
     ),
@@ -84,26 +85,10 @@ DATA_SETS: dict[str, DataSet] = {
         "bluerov2_heavy",
         "BlueROV2 Heavy, sea trial at Pier 59, Seattle, 7 January 2026: ArduSub log of 200 s",
         "MIT, (c) 2026 Clyde McQueen",
-        (
-            DataFile(
-                "00000029_filtered.BIN",
-                "ca9b387712f320df9b099e8533289e9aaa354a2408ad3afca930d593093f5bf4",
-                3_399_467,
-                f"{_PIER}00000029_filtered.BIN",
-            ),
-        ),
+        (DataFile("00000029_filtered.BIN", _DIVE, 3_399_467, f"{_PIER}00000029_filtered.BIN"),),
     ),
 }
 """By name."""
-
-
-def data_folder() -> Path:
-    """Folder of recordings: that of ``SEATRIAL_DATA``, else a cache of the user."""
-    if given := os.environ.get(VARIABLE):
-        return Path(given)
-    import pooch
-
-    return Path(pooch.os_cache("seatrial"))
 
 
 def get(
@@ -123,6 +108,7 @@ def get(
     fetched: dict[Path, bool] = {}
     for file in chosen.files:
         path = folder / file.name
+        # A file that is there is never replaced: it may be somebody's own.
         if present := path.is_file():
             if (digest := _digest(path)) != file.sha256:
                 raise TrialError(
@@ -188,3 +174,97 @@ def _download(url: str, output_file: Any, pooch: Any, *, most: int) -> None:
                     f"{url}: expected {most} bytes, found more: another file; name a mirror with --from"
                 )
             stream.write(chunk)
+
+
+def data(
+    action: Annotated[
+        Literal["get", "list"],
+        typer.Argument(help="Fetch data sets, or list what there is.", metavar="get|list"),
+    ],
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Data sets: beluga, t200, bluerov2.", metavar="NAME")
+    ] = None,
+    source: Annotated[
+        str | None,
+        typer.Option(
+            "--from", metavar="URL", help="Mirror with a folder per data set, instead of the original source."
+        ),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Fetch recordings of real vehicles (beluga, t200, bluerov2) into SEATRIAL_DATA or the user's cache.
+
+    A file counts only with its SHA-256; one that is there is not fetched again.
+
+    Example: seatrial data get beluga
+    """
+    from seatrial.cli.console import answer, print_json
+
+    content: Any
+    if action == "list":
+        report, content = _listed(names or list(DATA_SETS))
+    elif names:
+        report, content = _fetched(names, source, quiet=json)
+    else:
+        raise TrialError(
+            f"data get: expected the name of a data set, found none; one of {', '.join(DATA_SETS)}"
+        )
+    if json:
+        print_json({"folder": str(data_folder()), "sets": content})
+    else:
+        answer(report)
+
+
+def _listed(names: list[str]) -> tuple[Report, list[dict[str, str]]]:
+    """Which data sets there are, for people and as plain data."""
+    from seatrial.base.report import Report, Section, Table
+
+    folder = data_folder()
+    for unknown in [name for name in names if name not in DATA_SETS][:1]:
+        get(unknown)  # which refuses it
+    chosen = {name: data_set for name, data_set in DATA_SETS.items() if name in names}
+    rows = [
+        (
+            name,
+            f"{sum((folder / known.folder / f.name).is_file() for f in known.files)} of {len(known.files)}",
+            f"{sum(f.size for f in known.files) / 1e6:.1f}",
+            known.description,
+            known.licence,
+        )
+        for name, known in chosen.items()
+    ]
+    table = Table.of("", ("name", "files here", "MB", "what", "licence"), rows)
+    report = Report(
+        title=str(folder),
+        outcome=f"{len(rows)} data sets",
+        good="the folder of recordings",
+        worst="nothing is checked before it is fetched or used",
+        next_step="fetch one with seatrial data get NAME",
+        sections=(Section(tables=(table,)),),
+    )
+    keys = ("name", "files", "megabytes", "description", "licence")
+    return report, [dict(zip(keys, row, strict=True)) for row in rows]
+
+
+def _fetched(names: list[str], source: str | None, *, quiet: bool) -> tuple[Report, dict[str, Any]]:
+    """What was fetched, for people and as plain data."""
+    from seatrial.base.report import Report, Section
+    from seatrial.cli.console import say
+
+    def begin(file: DataFile) -> None:
+        if not quiet:
+            say(f"fetching {file.name} ({file.size / 1e6:.1f} MB)")
+
+    folder = data_folder()
+    sets = {name: get(name, source=source, begin=begin) for name in names}
+    count, fetched = sum(map(len, sets.values())), sum(sum(files.values()) for files in sets.values())
+    licences = [f"{name}: {DATA_SETS[name].description}; {DATA_SETS[name].licence}" for name in sets]
+    report = Report(
+        title=", ".join(sets),
+        outcome="here",
+        good=f"{count} files in {folder} with the right SHA-256, {fetched} of them fetched",
+        worst="none: every file is the published one",
+        next_step=f"set SEATRIAL_DATA={folder} for campaigns and tests that name it",
+        sections=(Section(sentences=tuple(licences)),),
+    )
+    return report, {name: {str(path): new for path, new in files.items()} for name, files in sets.items()}
