@@ -13,7 +13,7 @@ from seatrial.cli.console import ExitCodes
 
 if TYPE_CHECKING:
     from paper.gallery import PaperGallery
-    from seatrial.bench_test.result import BenchTest
+    from seatrial.bench_test.evaluate import BenchTest
     from seatrial.campaign.campaign import Campaign
     from seatrial.identification.identification import Identification
 

@@ -493,7 +493,7 @@ def demonstration(vehicle: Vehicle) -> Flight:
     """
     from seatrial._core import Autopilot
     from seatrial.flight.conditions import Conditions, Water
-    from seatrial.flight.fly import fly
+    from seatrial.flight.flight import fly
     from seatrial.flight.mission import Mission
     from seatrial.vehicle.actuators import NOMINAL_V
     from seatrial.vehicle.steady_state import top_speed

@@ -36,7 +36,7 @@ from seatrial.base.errors import SeatrialError, TrialError
 from seatrial.report.plot.style import PRINT_DPI, save
 
 if TYPE_CHECKING:
-    from seatrial.bench_test.result import BenchTest
+    from seatrial.bench_test.evaluate import BenchTest
     from seatrial.campaign.campaign import Campaign
     from seatrial.identification.identification import Identification
 

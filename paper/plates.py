@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from seatrial._core import Vehicle
+    from seatrial.bench_test.evaluate import BenchTest
     from seatrial.bench_test.file import Pull, Steps
-    from seatrial.bench_test.result import BenchTest
     from seatrial.identification.identification import Identification
     from seatrial.problem.problem import Problem
 

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from seatrial.base.errors import VehicleError as VehicleError
     from seatrial.base.work import ProgressBar as ProgressBar
     from seatrial.base.work import Work as Work
+    from seatrial.bench_test.evaluate import BenchTest as BenchTest
     from seatrial.bench_test.evaluate import bench as bench
-    from seatrial.bench_test.result import BenchTest as BenchTest
     from seatrial.campaign.campaign import Campaign as Campaign
     from seatrial.control_design.start_autopilot import start_autopilot as start_autopilot
     from seatrial.experiment.plan import Plan as Plan
@@ -37,16 +37,16 @@ if TYPE_CHECKING:
     from seatrial.export.fmu import export_fmu as export_fmu
     from seatrial.flight.conditions import Conditions as Conditions
     from seatrial.flight.conditions import Water as Water
-    from seatrial.flight.failures import Fault as Fault
-    from seatrial.flight.failures import Outage as Outage
+    from seatrial.flight.disturbances import Fault as Fault
+    from seatrial.flight.disturbances import Outage as Outage
+    from seatrial.flight.disturbances import SeaState as SeaState
     from seatrial.flight.flight import Flight as Flight
-    from seatrial.flight.fly import fly as fly
-    from seatrial.flight.fly import fly_batch as fly_batch
+    from seatrial.flight.flight import fly as fly
+    from seatrial.flight.flight import fly_batch as fly_batch
     from seatrial.flight.mission import Mission as Mission
     from seatrial.flight.navigation import NavigationFilter as NavigationFilter
     from seatrial.flight.navigation import ProcessNoise as ProcessNoise
     from seatrial.flight.navigation import SampleGate as SampleGate
-    from seatrial.flight.sea import SeaState as SeaState
     from seatrial.identification.fitted import Fitted as Fitted
     from seatrial.identification.identification import Identification as Identification
     from seatrial.identification.identify import identify as identify
@@ -87,7 +87,7 @@ if TYPE_CHECKING:
 _HOME = {
     "Anchor": "seatrial.problem.settings",
     "Autopilot": "seatrial._core",
-    "BenchTest": "seatrial.bench_test.result",
+    "BenchTest": "seatrial.bench_test.evaluate",
     "Boundary": "seatrial.verification.boundary",
     "CExport": "seatrial.export.c_code",
     "Campaign": "seatrial.campaign.campaign",
@@ -98,7 +98,7 @@ _HOME = {
     "FailureBoundary": "seatrial.verification.boundary",
     "Falsification": "seatrial.verification.falsify",
     "Falsify": "seatrial.verification.falsify",
-    "Fault": "seatrial.flight.failures",
+    "Fault": "seatrial.flight.disturbances",
     "Fitted": "seatrial.identification.fitted",
     "Flight": "seatrial.flight.flight",
     "Flights": "seatrial._core",
@@ -114,7 +114,7 @@ _HOME = {
     "NavigationFilter": "seatrial.flight.navigation",
     "ProcessNoise": "seatrial.flight.navigation",
     "SampleGate": "seatrial.flight.navigation",
-    "Outage": "seatrial.flight.failures",
+    "Outage": "seatrial.flight.disturbances",
     "Plan": "seatrial.experiment.plan",
     "Problem": "seatrial.problem.problem",
     "ProgressBar": "seatrial.base.work",
@@ -124,7 +124,7 @@ _HOME = {
     "Run": "seatrial._core",
     "Scenario": "seatrial.verification.scenario",
     "Score": "seatrial.scoring.score",
-    "SeaState": "seatrial.flight.sea",
+    "SeaState": "seatrial.flight.disturbances",
     "SeatrialError": "seatrial.base.errors",
     "SimulationError": "seatrial.base.errors",
     "SitlSession": "seatrial.realtime.ardupilot_link",
@@ -143,8 +143,8 @@ _HOME = {
     "compare": "seatrial.scoring.comparison",
     "export_c": "seatrial.export.c_code",
     "export_fmu": "seatrial.export.fmu",
-    "fly": "seatrial.flight.fly",
-    "fly_batch": "seatrial.flight.fly",
+    "fly": "seatrial.flight.flight",
+    "fly_batch": "seatrial.flight.flight",
     "identify": "seatrial.identification.identify",
     "import_logs": "seatrial.intake.import_logs",
     "leave_one_out": "seatrial.identification.leave_one_out",

@@ -12,7 +12,8 @@ from typer.testing import CliRunner, Result
 
 from seatrial.base import files as whole_file
 from seatrial.base import run as run_directory
-from seatrial.bench_test.characteristic import motor_warnings
+from seatrial.base.report import sentence_of
+from seatrial.bench_test.characteristic import motor_doubts
 from seatrial.bench_test.motor_estimate import MotorParameter
 from seatrial.cli import app
 
@@ -357,7 +358,8 @@ def test_a_time_in_milliseconds_is_suspected() -> None:
     """The lag of a made-up record of 0.2 s whose times were read as milliseconds."""
     slow = MotorParameter("T_1", "s", 200.0)
     motor = SimpleNamespace(parameters={"T_1": slow, "K_V": MotorParameter("K_V", "", 200.0)})
-    assert motor_warnings("stern", motor) == [  # type: ignore[arg-type]
+    doubts = motor_doubts("stern", motor)  # type: ignore[arg-type]
+    assert [sentence_of(doubt, "bench_sentences") for doubt in doubts] == [
         "stern motor: T_1 = 200 s is not that of a motor; is t_s in seconds?"
     ]
 

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.bench_test.motor_estimate import MotorEstimate
-from seatrial.bench_test.motor_identification import recommended_steps
-from seatrial.bench_test.motor_model import MotorModel, StepRecord
+from seatrial.bench_test.motor_model import MotorModel, StepRecord, recommended_steps
 
 Array = NDArray[np.float64]
 

@@ -125,12 +125,13 @@ def test_a_command_that_never_rests_is_refused_quickly(tmp_path: Path) -> None:
 
 def test_a_log_without_its_time_is_suspected(tmp_path: Path) -> None:
     table = quiet(staircase())
-    assert any("rows in a row have the same signal" in n for n in points(tmp_path, table.drop("t_s")).notes)
+    (doubt,) = points(tmp_path, table.drop("t_s")).doubts
+    assert doubt.kind == "log without time"
     sheet = pl.DataFrame({
         "cmd.stern": [0.0] * 9 + [500.0, 1000.0, 1500.0, 2000.0],
         "load.X_n": [0.0] * 9 + [20.0, 75.0, 170.0, 300.0],
     })
-    assert not any("in a row" in note for note in points(tmp_path, sheet).notes)
+    assert not points(tmp_path, sheet).doubts
 
 
 def test_measured_revolutions_without_a_sign_take_it_from_another_column(tmp_path: Path) -> None:

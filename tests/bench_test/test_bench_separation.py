@@ -134,5 +134,6 @@ def test_a_crooked_cell_is_warned_of(tmp_path: Path) -> None:
     ]
     pl.DataFrame(rows).write_csv(tmp_path / "bent.csv")
     keys = 'axis = "XY"\ncolumns = { "cmd.stern" = "rpm" }'
-    notes = bench(write_bench(tmp_path, pull("bent", keys=keys))).records["bent"].notes
-    assert any("20 % of the load acts across the direction" in note for note in notes)
+    test = bench(write_bench(tmp_path, pull("bent", keys=keys)))
+    assert [doubt.kind for doubt in test.records["bent"].doubts] == ["load across"]
+    assert any("20 % of the load acts across the direction" in text for text in test.sentences())

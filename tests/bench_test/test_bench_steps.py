@@ -9,8 +9,7 @@ import pytest
 
 from seatrial._core import Vehicle
 from seatrial.base.errors import TrialError
-from seatrial.bench_test.evaluate import bench
-from seatrial.bench_test.result import BenchTest
+from seatrial.bench_test.evaluate import BenchTest, bench
 from seatrial.trial.truth import Truth
 from seatrial.vehicle.actuators import bollard
 

@@ -12,8 +12,7 @@ import pytest
 
 from seatrial._core import Vehicle
 from seatrial.bench_test.characteristic import SIDES
-from seatrial.bench_test.evaluate import bench
-from seatrial.bench_test.result import BenchTest
+from seatrial.bench_test.evaluate import BenchTest, bench
 from seatrial.vehicle.actuators import bollard
 
 EXAMPLE = Path(__file__).parents[2] / "python" / "seatrial" / "examples" / "t200" / "bench.toml"

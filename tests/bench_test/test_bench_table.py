@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from seatrial.base.errors import TrialError
-from seatrial.bench_test.thrust_table import from_points, from_surface, levels
+from seatrial.bench_test.regression import from_points, from_surface, levels
 
 Array = NDArray[np.float64]
 SIGNAL = np.linspace(-400.0, 400.0, 161)

@@ -11,8 +11,7 @@ import pytest
 
 from seatrial._core import Vehicle
 from seatrial.base.errors import SeatrialError
-from seatrial.bench_test.evaluate import bench
-from seatrial.bench_test.result import BenchTest
+from seatrial.bench_test.evaluate import BenchTest, bench
 from seatrial.vehicle.actuators import bollard
 from tests.bench_test.bench_records import (
     FACTOR,

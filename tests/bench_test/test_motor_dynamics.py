@@ -11,8 +11,8 @@ import pytest
 
 import seatrial as st
 from seatrial.bench_test.motor_estimate import MotorEstimate
-from seatrial.bench_test.motor_identification import identify_motor, recommended_steps
-from seatrial.bench_test.motor_model import NAMES, MotorModel, StepRecord
+from seatrial.bench_test.motor_identification import identify_motor
+from seatrial.bench_test.motor_model import NAMES, MotorModel, StepRecord, recommended_steps
 from seatrial.bench_test.motor_plateaus import noise_of, plateaus, starts, statics, transitions
 from tests.bench_test.motor_steps import TABLE, TRUTH, designed, held, measured, rng, with_signal
 from tests.report.figures import assert_legends_beside

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seatrial.bench_test.motor_estimate import MotorEstimate, MotorParameter
-from seatrial.bench_test.motor_identification import identify_motor, written_motor
+from seatrial.bench_test.motor_estimate import MotorEstimate, MotorParameter, written_motor
+from seatrial.bench_test.motor_identification import identify_motor
 from seatrial.bench_test.motor_model import MotorModel, StepRecord
 from tests.bench_test.motor_steps import TABLE, TRUTH, designed, measured, rng, steps_of, with_signal
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from seatrial.base.errors import TrialError, VehicleError
-from seatrial.bench_test.motor_identification import identify_motor, recommended_steps
-from seatrial.bench_test.motor_model import NAMES, MotorModel, StepRecord
+from seatrial.bench_test.motor_identification import identify_motor
+from seatrial.bench_test.motor_model import NAMES, MotorModel, StepRecord, recommended_steps
 from tests.bench_test.motor_steps import TABLE, TRUTH, designed, held, measured, rng, steps_of, with_signal
 
 

@@ -237,7 +237,7 @@ def test_no_other_flight_replaces_the_folder_while_figures_are_drawn(monkeypatch
 
 @pytest.mark.usefixtures("here")
 def test_a_second_flight_into_a_folder_is_refused_before_it_flies(monkeypatch: pytest.MonkeyPatch) -> None:
-    module = sys.modules["seatrial.flight.fly"]
+    module = sys.modules["seatrial.flight.flight"]
     original: Callable[..., st.Flight] = module.fly
     beside: list[Result] = []
     flights: list[tuple[Any, ...]] = []

@@ -122,7 +122,7 @@ def test_ctrl_c_is_exit_code_130_and_nothing_is_published(monkeypatch: pytest.Mo
     flown: list[int] = []
     fly = objective.Objective.flown
 
-    def interrupted(self, gains, *, headroom=objective.OBJECTIVE_SETTINGS.headroom_share):  # type: ignore[no-untyped-def]
+    def interrupted(self, gains, *, headroom=objective.SETTINGS.headroom_share):  # type: ignore[no-untyped-def]
         flown.append(1)
         if len(flown) == 3:
             raise KeyboardInterrupt

@@ -11,6 +11,7 @@ import pytest
 from seatrial._core import Vehicle
 from seatrial.control_design.loops import (
     closed,
+    law,
     plant,
     reference_drive,
     restoring_law,
@@ -19,13 +20,11 @@ from seatrial.control_design.loops import (
     trim,
 )
 from seatrial.control_design.margins import least_margins
-from seatrial.control_design.mode_table import flies, top_speeds
-from seatrial.control_design.pole_placement import law
-from seatrial.control_design.start_autopilot import autopilot_text, commented
-from seatrial.control_design.start_gains import StartGains, start_gains
-from seatrial.control_design.start_guidance import (
+from seatrial.control_design.operating_points import flies, top_speeds
+from seatrial.control_design.start_autopilot import (
     PATH_RAD_S,
-    START_GUIDANCE_SETTINGS,
+    autopilot_text,
+    commented,
     following_delay,
     guidance,
     heavy,
@@ -34,6 +33,8 @@ from seatrial.control_design.start_guidance import (
     safety,
     without_substitute,
 )
+from seatrial.control_design.start_autopilot import SETTINGS as START_GUIDANCE_SETTINGS
+from seatrial.control_design.start_gains import StartGains, start_gains
 from seatrial.vehicle.actuators import LOOPS, ROWS, delays
 from seatrial.vehicle.steady_state import turning_radius
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from seatrial.base.errors import VehicleError
-from seatrial.control_design.pole_placement import physical_gains
+from seatrial.control_design.start_gains import physical_gains
 
 
 def test_law_both_forms_are_the_same_controller() -> None:

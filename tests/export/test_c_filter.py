@@ -17,8 +17,8 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
 from seatrial.export.c_code import Program
 from seatrial.export.fmu import ran
+from seatrial.flight.disturbances import SeaState
 from seatrial.flight.navigation import Beacon, Pen, Wall
-from seatrial.flight.sea import SeaState
 from seatrial.sensors.sensor import Sensor
 from tests.export.test_c import CURRENT, STRICT, needs, on_a_cortex_m7, ready, rows
 

@@ -15,7 +15,7 @@ import numpy as np
 
 import seatrial as st
 from seatrial._core import autopilot_names
-from seatrial.flight.sea import SeaState
+from seatrial.flight.disturbances import SeaState
 
 HOURS = 1.0
 

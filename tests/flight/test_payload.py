@@ -10,8 +10,7 @@ import pytest
 
 import seatrial as st
 from seatrial.base.errors import SimulationError
-from seatrial.flight.payload import UNDER_WAY, Payload
-from seatrial.flight.water import CHANNELS, Plume, conductivity, density, properties
+from seatrial.flight.payload import CHANNELS, UNDER_WAY, Payload, Plume, conductivity, density, properties
 from seatrial.report.plot.flight_errors import flight_samples
 
 WATER = """

@@ -14,7 +14,7 @@ from matplotlib.legend import Legend
 
 import seatrial as st
 from paper.autopilot import autopilot_plates, flight_plates
-from seatrial.flight.failures import Fault, Outage
+from seatrial.flight.disturbances import Fault, Outage
 from seatrial.flight.metrics import saturated
 from seatrial.report.plot.flight import _remark, events, flight_track, settled, spans, thinned
 from seatrial.report.plot.flight_errors import flight_actuators, flight_errors, flight_loops, shown_loops

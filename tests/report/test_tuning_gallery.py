@@ -14,7 +14,7 @@ from seatrial.identification.fitted import Fitted
 from seatrial.report.plot.corridors import course_of_set_points, speed_steps
 from seatrial.report.plot.tuning import corridors, responses
 from seatrial.tuning.control_problem import ControlProblem
-from seatrial.tuning.performance import Performance, StepPerformance, assess
+from seatrial.tuning.result import Performance, StepPerformance, assess
 from tests.tuning.tuning_campaigns import plan, start
 
 SURGE = """

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from seatrial.report.results.tuning import comparison_rows, on_another_vehicle, trial_rows
 from seatrial.tuning.control_problem import ControlProblem
-from seatrial.tuning.performance import Performance, assess
+from seatrial.tuning.result import Performance, assess
 from seatrial.tuning.step_trial import LoopTrials, Rig, Samples
 from tests.tuning.tuning_campaigns import plan
 

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from seatrial.control_design.margin_constraint import MarginConstraint
 from seatrial.tuning.objective import Flown, Objective
 from seatrial.tuning.scope import GainParameters
-from seatrial.tuning.search import GROUP_SEARCH_SETTINGS, Race
+from seatrial.tuning.search import SETTINGS as GROUP_SEARCH_SETTINGS
+from seatrial.tuning.search import Race
 from seatrial.tuning.step_trial import Samples
 from tests.tuning.tuning_campaigns import rig, start, trials
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from seatrial.tuning import performance as module
-from seatrial.tuning.performance import Standing, revert_gains, standing
+from seatrial.tuning import result as module
+from seatrial.tuning.result import Standing, revert_gains, standing
 from tests.tuning.tuning_campaigns import plan
 
 SPOILT = 0.02

@@ -10,7 +10,7 @@ import pytest
 
 import seatrial as st
 from seatrial.tuning.control_problem import ControlProblem
-from seatrial.tuning.performance import assess
+from seatrial.tuning.result import assess
 from tests.tuning.tuning_campaigns import HEADING, campaign, plan
 from tests.tuning.tuning_runs import Told
 

@@ -14,7 +14,8 @@ from seatrial.base.errors import CampaignError
 from seatrial.control_design.tuning_table import TuningTable
 from seatrial.identification.fitted import Fitted
 from seatrial.tuning.control_problem import ControlProblem
-from seatrial.tuning.loop_steps import LOOP_STEP_SETTINGS, apart, thinned, tried_speeds
+from seatrial.tuning.loop_steps import SETTINGS as LOOP_STEP_SETTINGS
+from seatrial.tuning.loop_steps import apart, thinned, tried_speeds
 from seatrial.tuning.scope import slowest_level_m_s
 
 EVERY = (-math.inf, math.inf)

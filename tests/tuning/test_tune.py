@@ -19,8 +19,7 @@ from seatrial.control_design.margin_constraint import MarginConstraint
 from seatrial.control_design.tuning_table import TuningTable
 from seatrial.report.results.tuning import comparison_head, comparison_rows, gain_rows, sentences, trial_rows
 from seatrial.tuning import tuning_run
-from seatrial.tuning.performance import assess
-from seatrial.tuning.result import tuned_autopilot
+from seatrial.tuning.result import assess, tuned_autopilot
 from seatrial.tuning.search import GroupResult, search_group, search_margins
 from tests.base.killed import kill
 from tests.tuning.tuning_campaigns import HEADING, campaign, plan, start, tuned
@@ -391,14 +390,14 @@ def test_law_a_tuning_without_a_file_is_that_of_the_campaign_that_says_the_same(
 
 def test_what_a_tuning_without_a_file_lacks_is_named() -> None:
     with pytest.raises(CampaignError, match="a vehicle and its autopilot"):
-        st.tune("cwolf")  # type: ignore[call-overload]
+        st.tune("cwolf")
     with pytest.raises(CampaignError, match=r"relay tuning is not offered.* seatrial\.start_autopilot"):
-        st.tune("cwolf", "cwolf", relay=True)  # type: ignore[call-overload]
+        st.tune("cwolf", "cwolf", relay=True)
     with pytest.raises(CampaignError, match="heding"):
         st.tune("cwolf", "cwolf", loops={"heding": {}})
     with pytest.raises(CampaignError, match="seed: the problem says that"):
-        st.tune(st.ControlProblem("cwolf", "cwolf"), seed=3)  # type: ignore[call-overload]
+        st.tune(st.ControlProblem("cwolf", "cwolf"), seed=3)
     with pytest.raises(CampaignError, match=r"use campaign\.tune\("):
-        st.tune(campaign())  # type: ignore[call-overload]
+        st.tune(campaign())  # type: ignore[arg-type]
     with pytest.raises(CampaignError, match="voltage_v"):
         st.tune("bluerov2-heavy", "bluerov2-heavy")

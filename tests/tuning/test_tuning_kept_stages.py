@@ -154,7 +154,7 @@ def test_law_what_a_search_depends_on_is_searched_anew_when_it_changes(change: s
     [
         (tuning_run, "OBJECTIVE_SETTINGS", ObjectiveSettings(headroom_share=0.03)),
         (tuning_run, "GROUP_SEARCH_SETTINGS", GroupSearchSettings(generations=31)),
-        (loop_steps, "LOOP_STEP_SETTINGS", LoopStepSettings(least_settle_s=30.0)),
+        (loop_steps, "SETTINGS", LoopStepSettings(least_settle_s=30.0)),
     ],
 )
 def test_what_the_file_leaves_open_counts_too(

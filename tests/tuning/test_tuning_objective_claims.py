@@ -10,7 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from seatrial.control_design.margin_constraint import MarginConstraint
-from seatrial.tuning.objective import OBJECTIVE_SETTINGS, Objective, Terms
+from seatrial.tuning.objective import SETTINGS as OBJECTIVE_SETTINGS
+from seatrial.tuning.objective import Objective, Terms
 from seatrial.tuning.scope import GainParameters
 from seatrial.tuning.step_trial import LoopTrials, Rig, Samples
 from tests.tuning.tuning_campaigns import rig, start, trials

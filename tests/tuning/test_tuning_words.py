@@ -13,8 +13,7 @@ from seatrial.control_design.margin_report import ReportedMargins
 from seatrial.identification.fitted import Fitted
 from seatrial.report.results.tuning import sentences, why_outside
 from seatrial.tuning.control_problem import ControlProblem
-from seatrial.tuning.performance import Performance, StepPerformance
-from seatrial.tuning.result import Tuning
+from seatrial.tuning.result import Performance, StepPerformance, Tuning
 from tests.tuning.tuning_campaigns import HEADING, campaign, plan, tuned
 
 

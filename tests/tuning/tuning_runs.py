@@ -11,11 +11,10 @@ import pytest
 
 import seatrial as st
 from seatrial.base.run import RunDirectory
-from seatrial.tuning import performance as revert_gains
+from seatrial.tuning import result as revert_gains
 from seatrial.tuning import tuning_run
 from seatrial.tuning.control_problem import ControlProblem, Group
-from seatrial.tuning.performance import Performance, StepPerformance
-from seatrial.tuning.result import Tuning
+from seatrial.tuning.result import Performance, StepPerformance, Tuning
 from seatrial.tuning.search import GroupResult
 from seatrial.tuning.step_trial import Rig, Samples
 from seatrial.tuning.tuning_run import TuningRun

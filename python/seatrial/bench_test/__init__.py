@@ -8,9 +8,9 @@ from seatrial.base.front import front
 
 if TYPE_CHECKING:
     from seatrial.bench_test.motor_identification import identify_motor as identify_motor
-    from seatrial.bench_test.motor_identification import recommended_steps as recommended_steps
     from seatrial.bench_test.motor_model import MotorModel as MotorModel
     from seatrial.bench_test.motor_model import StepRecord as StepRecord
+    from seatrial.bench_test.motor_model import recommended_steps as recommended_steps
 
 __all__ = ["MotorModel", "StepRecord", "identify_motor", "recommended_steps"]
 
@@ -21,6 +21,6 @@ if not TYPE_CHECKING:  # a type checker would take any misspelt name for `object
             "MotorModel": "motor_model",
             "StepRecord": "motor_model",
             "identify_motor": "motor_identification",
-            "recommended_steps": "motor_identification",
+            "recommended_steps": "motor_model",
         },
     )

@@ -1,4 +1,4 @@
-"""Characteristic of a group: a regression per direction or a table, and warnings about what looks wrong.
+"""Characteristic of a group: a regression per direction or a table, and what looks wrong in it.
 
 Ahead and astern are fitted apart, because a propeller's blades are made for one of them; the astern fit is of
 magnitudes. Points of all pulls of a group are pooled, each pull with the zero error of its own cell.
@@ -19,18 +19,22 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
+from seatrial.base.finding import Finding, Severity
 from seatrial.bench_test.pulls import Points
 from seatrial.bench_test.regression import (
     Candidate,
     LeastSquares,
     Term,
+    ThrustTable,
     candidates,
+    dead_band,
+    from_points,
+    from_surface,
     lack_of_fit,
     least_squares,
     outliers,
     terms_of,
 )
-from seatrial.bench_test.thrust_table import ThrustTable, dead_band, from_points, from_surface
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -66,26 +70,12 @@ SETTINGS = CharacteristicSettings()
 
 @dataclass(frozen=True, eq=False)
 class DirectionFit:
-    """Regression of one direction, of magnitudes.
+    """Regression of one direction ("ahead" or "astern"), of magnitudes.
 
-    Attributes
-    ----------
-    side
-        ahead or astern.
-    fit
-        The least squares fit.
-    points, outliers
-        Indices into the group's points: those that were fitted, and those that are outliers (fitted too where
-        they are kept).
-    candidates
-        Models compared on the fitted points.
-    judgement
-        Sentence on the order.
-    exponent
-        Slope of log thrust over log signal and its standard deviation, from points above a twentieth of the
-        largest thrust, weak ones counting less; 2 is thrust per n|n|.
-    exponent_interval
-        Its 95 % interval.
+    `points` and `outliers` are places among the group's points (outliers are fitted too where they are kept);
+    `candidates` the models compared on the fitted points, `judgement` the sentence on the order. `exponent`
+    is the slope of log thrust over log signal with its standard deviation, from points above a twentieth of
+    the largest thrust, weak ones counting less; 2 is thrust per n|n|.
     """
 
     side: str
@@ -129,18 +119,8 @@ class DirectionFit:
 
 @dataclass(frozen=True, eq=False)
 class UnitFit:
-    """Everything that the pulls told about one group.
-
-    Attributes
-    ----------
-    unit, regression
-        What was driven, and how it was fitted.
-    points
-        All points.
-    directions
-        Fits by side; empty for a table of points.
-    table
-        Where the characteristic is a table.
+    """Everything that the pulls told about one group: all points, fits by side (empty for a table of points),
+    and the table where the characteristic is one.
     """
 
     unit: Unit
@@ -178,10 +158,8 @@ class UnitFit:
 
 
 def actuator_ratios(fit: UnitFit) -> dict[tuple[str, ...], tuple[float, float]]:
-    """Thrust over that of the group's curve and its standard deviation, per set of actuators that ran.
-
-    Least squares over each set's points; empty where only one set ran, without those that ran where the
-    curve has no thrust.
+    """Thrust over that of the group's curve and its standard deviation, per set of actuators that ran; empty
+    where only one set ran.
     """
     points = fit.points
     fitted = fit.thrust(points.signal, points.voltage_v if fit.regression.with_voltage else None)
@@ -195,10 +173,8 @@ def actuator_ratios(fit: UnitFit) -> dict[tuple[str, ...], tuple[float, float]]:
 
 
 def fit_unit(unit: Unit, pulls: Sequence[PullPoints], regression: Regression, *, where: str) -> UnitFit:
-    """Fit of a group from its pulls.
-
-    The regression has every key but ``kind``, ``tolerance_n`` and ``table_voltage_v`` given. Raises
-    TrialError, its message begun with `where`, for too few or unsuitable points for the order asked for.
+    """Fit of a group from its pulls, of a regression without gaps but ``kind``, ``tolerance_n`` and
+    ``table_voltage_v``; a TrialError, begun with `where`, for points that do not suit the order.
     """
     points = Points.pooled(pulls)
     if regression.kind == "quadratic" and unit.command != "rpm":
@@ -288,9 +264,8 @@ def _outliers(inputs: Array, thrust: Array, terms: tuple[Term, ...]) -> NDArray[
 def _exponent(
     signal: Array, thrust: Array, scatter: float
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Slope of log thrust over log signal and its standard deviation; its 95 % interval.
-
-    A point errs by the scatter in N and by three per cent of its thrust, so that weak ones count less.
+    """Slope of log thrust over log signal and its standard deviation; its 95 % interval. A point errs by the
+    scatter in N and by three per cent of its thrust, so that weak ones count less.
     """
     strong = thrust > SETTINGS.exponent_share * thrust.max()
     if strong.sum() < 4 or np.ptp(np.log(signal[strong])) < 1e-9:
@@ -327,33 +302,32 @@ def _tabulated(made: UnitFit) -> ThrustTable:
     )
 
 
-def motor_warnings(unit: str, motor: MotorEstimate) -> list[str]:
-    """Sentences about what looks wrong in a group's motor."""
+def _doubt(kind: str, subject: str, **values: Any) -> Finding:
+    """What looks wrong in a bench test; its words are in `seatrial.report.results.bench_sentences`."""
+    return Finding(kind, Severity.PROBLEM, subject, values)
+
+
+def motor_doubts(unit: str, motor: MotorEstimate) -> list[Finding]:
+    """What looks wrong in a group's motor."""
     return [
-        f"{unit} motor: {name} = {parameter.value:.3g} s is not that of a motor; is t_s in seconds?"
+        _doubt("no motor", unit, name=name, value_s=parameter.value)
         for name, parameter in motor.parameters.items()
         if name in ("T_1", "T_t") and parameter.value is not None and parameter.value > SETTINGS.slowest_s
     ]
 
 
-def pull_warnings(records: Sequence[PullPoints]) -> list[str]:
-    """Sentences on a group's pulls that are no measurement of their own, or not of what they are called."""
-    warnings = []
+def pull_doubts(records: Sequence[PullPoints]) -> list[Finding]:
+    """Which of a group's pulls are no measurement of their own, or not of what they are called."""
+    doubts = []
     for record in records:
         sign = SIDES.get(record.name.lower())
         if sign is not None and not (sign * record.signal > 0.0).any():
-            warnings.append(
-                f"pull {record.name}: no point of {record.file} lies {record.name.lower()}; is it the right"
-                " record?"
-            )
+            doubts.append(_doubt("wrong side", record.name, file=record.file, side=record.name.lower()))
     for k, record in enumerate(records):
         same = [other.name for other in records[:k] if _equal(record, other)]
         if same:
-            warnings.append(
-                f"pull {record.name} holds the points of pull {same[0]} once more: they count twice, and the"
-                " standard deviations come out too small; remove one"
-            )
-    return warnings
+            doubts.append(_doubt("points twice", record.name, other=same[0]))
+    return doubts
 
 
 def _equal(pull: PullPoints, other: PullPoints) -> bool:
@@ -363,68 +337,49 @@ def _equal(pull: PullPoints, other: PullPoints) -> bool:
     )
 
 
-def curve_warnings(fit: UnitFit, vehicle: Vehicle) -> list[str]:
-    """Sentences about what looks wrong in a group's characteristic."""
+def curve_doubts(fit: UnitFit, vehicle: Vehicle) -> list[Finding]:
+    """What looks wrong in a group's characteristic."""
     facts = vehicle.actuator_info()[fit.unit.actuators[0]]
-    unit = fit.unit.command
-    warnings = []
+    unit, group, volts = fit.unit.command, fit.unit.name, fit.points.voltage_v
+    doubts = []
     for side in fit.sides:
         sign = SIDES[side]
         tested = np.abs(fit.points.signal[sign * fit.points.signal > 0.0])
         low = float(facts[f"minimum_{side}"]) or float(tested.min())
         limit = float(facts[f"maximum_{side}"])
         high = limit if np.isfinite(limit) else float(tested.max())
-        where = f"{fit.unit.name} {side}"
+        where = f"{group} {side}"
         if high > SETTINGS.beyond * tested.max():
-            warnings.append(
-                f"{where}: tested up to {tested.max():.4g} of {high:.4g} {unit}; beyond, the curve is a guess"
-            )
+            doubts.append(_doubt("untested range", where, tested=tested.max(), most=high, unit=unit))
         # From the least to the largest signal of the motor, not only where it was tested.
         grid = np.linspace(low, high, SETTINGS.grid_points)
         for voltage_v in _voltages(fit):
             at = None if voltage_v is None else np.full(SETTINGS.grid_points, voltage_v)
             thrust = sign * fit.thrust(sign * grid, at)
-            words = "" if voltage_v is None else f" at {voltage_v:.3g} V"
+            known = {"unit": unit, "supply_v": voltage_v}
+            rounding = SETTINGS.rounding * np.abs(thrust).max()
             # A polynomial may bend back between its points.
-            below = np.flatnonzero(
-                thrust < np.maximum.accumulate(thrust) - SETTINGS.rounding * np.abs(thrust).max()
-            )
+            below = np.flatnonzero(thrust < np.maximum.accumulate(thrust) - rounding)
             if len(below):
                 top = int(thrust[: below[0] + 1].argmax())
                 bottom = top + int(thrust[top : below[-1] + 1].argmin())
-                warnings.append(
-                    f"{where}: the curve falls between {grid[top]:.4g} and {grid[bottom]:.4g}"
-                    f" {unit}{words}, which no propeller does; more points there, or a lower order"
-                )
-            against = np.flatnonzero(thrust < -SETTINGS.rounding * np.abs(thrust).max())
+                doubts.append(_doubt("curve falls", where, top=grid[top], bottom=grid[bottom], **known))
+            against = np.flatnonzero(thrust < -rounding)
             if len(against):
-                warnings.append(
-                    f"{where}: the curve pushes the wrong way up to {grid[against[-1]]:.4g} {unit}{words};"
-                    " try through_origin = true, or tare the cell"
-                )
-    silent = dead_band(fit.points.signal, fit.points.thrust)
-    inside = (fit.points.signal >= silent[0]) & (fit.points.signal <= silent[1])
+                doubts.append(_doubt("curve pushes back", where, up_to=grid[against[-1]], **known))
+    low, high = dead_band(fit.points.signal, fit.points.thrust)
+    inside = (fit.points.signal >= low) & (fit.points.signal <= high)
     if fit.directions and inside.sum() >= SETTINGS.quiet_points:
-        warnings.append(
-            f"{fit.unit.name}: no thrust from {silent[0]:+.4g} to {silent[1]:+.4g} {unit}, a dead band that a"
-            ' polynomial smears; take order = "points"'
-        )
+        doubts.append(_doubt("dead band smeared", group, low=low, high=high, unit=unit))
     # Revolutions say what the supply does to the thrust; pulses and shares do not.
-    volts = fit.points.voltage_v
-    if fit.unit.command != "rpm" and not fit.regression.with_voltage and np.isfinite(volts).all():
+    if unit != "rpm" and not fit.regression.with_voltage and np.isfinite(volts).all():
         low, high = float(volts.min()), float(volts.max())
         if high > SETTINGS.sagged * low:
-            warnings.append(
-                f"{fit.unit.name}: the supply ran from {low:.3g} to {high:.3g} V and thrust follows it; take"
-                ' inputs = ["signal", "voltage"]'
-            )
+            doubts.append(_doubt("supply sagged", group, low_v=low, high_v=high))
     for side, direction in fit.directions.items():
         if direction.fit.r2 < SETTINGS.poor_r2:
-            warnings.append(
-                f"{fit.unit.name} {side}: R2 is only {direction.fit.r2:.3f}; the order does not fit, or the"
-                " load is noisy"
-            )
-    return warnings
+            doubts.append(_doubt("poor fit", f"{group} {side}", r2=direction.fit.r2))
+    return doubts
 
 
 def _voltages(fit: UnitFit) -> list[float | None]:

@@ -8,27 +8,23 @@ over command belong together. Held by ``tests/bench_test/test_bench.py`` and
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seatrial.base.errors import CampaignError, TrialError, VehicleError, nearest
-from seatrial.base.files import no_file
-from seatrial.base.run import run_facts, sha256
+from seatrial.base.errors import CampaignError, SeatrialError, TrialError, VehicleError, nearest
+from seatrial.base.files import no_file, write_atomic, writing
+from seatrial.base.finding import Finding
+from seatrial.base.report import Reported, sentence_of, words_about
+from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
 from seatrial.base.toml_file import file_path, is_path, text_of
 from seatrial.base.work import Clock
-from seatrial.bench_test.characteristic import (
-    UnitFit,
-    curve_warnings,
-    fit_unit,
-    motor_warnings,
-    pull_warnings,
-)
+from seatrial.bench_test.characteristic import UnitFit, curve_doubts, fit_unit, motor_doubts, pull_doubts
 from seatrial.bench_test.file import BenchFile, Pull, Steps, Unit, listed, parse, read_bench_table, unit_of
 from seatrial.bench_test.pulls import PullPoints, distance, read_pull
-from seatrial.bench_test.result import BenchTest
 from seatrial.bench_test.vehicle_text import write_results
 from seatrial.trial.generated import files_of
 
@@ -159,9 +155,9 @@ def bench(source: str | Path, *, vehicle: Vehicle | None = None) -> BenchTest:
     written = write_results(
         with_motors.text, driven, list(fits.values()), {}, name=file.name, rho=file.rho_kg_m3
     )
-    warnings = [text for name, (_, motor) in motors.items() for text in motor_warnings(name, motor)]
-    warnings += [text for _, records in pulled.values() for text in pull_warnings(records)]
-    warnings += [text for fit in fits.values() for text in curve_warnings(fit, driven)]
+    doubts = [doubt for name, (_, motor) in motors.items() for doubt in motor_doubts(name, motor)]
+    doubts += [doubt for _, records in pulled.values() for doubt in pull_doubts(records)]
+    doubts += [doubt for fit in fits.values() for doubt in curve_doubts(fit, driven)]
     return BenchTest(
         file=file,
         text=text,
@@ -173,8 +169,9 @@ def bench(source: str | Path, *, vehicle: Vehicle | None = None) -> BenchTest:
         vehicle=Vehicle.from_toml(written.text, f"{base.name} with the results of {file.name}"),
         vehicle_path=vehicle_path,
         vehicle_text=written.text,
-        warnings=(*warnings, *written.refused),
-        notes=(*with_motors.notes, *written.notes),
+        findings=(*doubts, *written.refused),
+        notes=(*with_motors.notes, *written.notes, *map(_warning, written.lost)),
+        lost=written.lost,
         facts=run_facts(
             "bench test",
             file.name,
@@ -286,12 +283,11 @@ def _motors(
         )
     motors: dict[str, tuple[Unit, MotorEstimate]] = {}
     for name, own in records.items():
-        unit = units[name]
+        unit, start = units[name], vehicle.motors()[units[name].actuators[0]]
         try:
-            motor = identify_motor(own, start=vehicle.motors()[unit.actuators[0]], unit=unit.command)
+            motors[name] = unit, identify_motor(own, start=start, unit=unit.command)
         except TrialError as error:
             raise TrialError(f"{path}: steps of {name}: {error}") from None
-        motors[name] = (unit, motor)
     return motors, {name: tuple(own) for name, own in records.items()}
 
 
@@ -301,3 +297,170 @@ def _file(text: str, bench: Path, where: str, hashes: dict[str, Any]) -> Path:
         raise CampaignError(f"{where}, key file: {wrong}; correct the path")
     hashes[text] = sha256(path.read_bytes())
     return path
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BenchTest(Reported):
+    """A bench test, evaluated.
+
+    Attributes
+    ----------
+    file, text
+        The bench file, and its text.
+    pulls
+        Per group (or actuators tested alone) the fitted characteristic.
+    records
+        Per pull its operating points.
+    motors
+        Per group the motor that follows from its steps.
+    step_records
+        Per group the records behind its motor.
+    before, vehicle
+        The vehicle as it was, and with the results.
+    vehicle_path
+        File of the vehicle; None for a built-in one or one that was given.
+    vehicle_text
+        Its file with the results written in, comments kept.
+    findings, notes, lost
+        What looks wrong, what was written or left out, and what the vehicle file no longer says.
+    facts
+        Versions and hashes of the inputs.
+    """
+
+    file: BenchFile
+    text: str
+    pulls: Mapping[str, UnitFit]
+    records: Mapping[str, PullPoints]
+    motors: Mapping[str, MotorEstimate]
+    step_records: Mapping[str, tuple[StepRecord, ...]]
+    before: Vehicle
+    vehicle: Vehicle
+    vehicle_path: Path | None
+    vehicle_text: str
+    findings: tuple[Finding, ...]
+    notes: tuple[str, ...]
+    lost: tuple[Finding, ...]
+    facts: Mapping[str, Any]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What looks wrong, in sentences."""
+        return tuple(sentence_of(finding, "bench_sentences") for finding in self.findings)
+
+    def sentences(self) -> list[str]:
+        """What the test says, in sentences; warnings begin with WARNING."""
+        return words_about(self, "bench_sentences")
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it as plain data for JSON."""
+        return {
+            "name": self.file.name,
+            "vehicle": self.before.name,
+            "facts": dict(self.facts),
+            "pulls": {unit: _unit_dict(fit) for unit, fit in self.pulls.items()},
+            "records": {name: _record_dict(record) for name, record in self.records.items()},
+            "motors": {unit: motor.to_dict() for unit, motor in self.motors.items()},
+            "sentences": self.sentences(),
+            "warnings": list(self.warnings),
+        }
+
+    def save(self, run_dir: str | Path) -> Path:
+        """Path of a run directory `run_dir` with the results: JSON, points, bench file, vehicle file.
+
+        It is made when it does not exist; an earlier run's is replaced. Raises SeatrialError where it cannot
+        be written; nothing is left half-written.
+        """
+        files = {
+            "bench.toml": self.text,
+            "bench.json": to_json(self.to_dict()),
+            "vehicle.toml": self.vehicle_text,
+            **self.report().files(),
+            "points.csv": self.points_csv(),
+        }
+        with RunDirectory(run_dir) as run:
+            return run.publish(self.facts, files)
+
+    def points_csv(self) -> str:
+        """Operating points of all groups as CSV, with what was fitted and which are outliers."""
+        import io
+
+        import polars as pl
+
+        rows: list[dict[str, Any]] = []
+        for unit, fit in self.pulls.items():
+            points = fit.points
+            volts = points.voltage_v if fit.regression.with_voltage else None
+            fitted = fit.thrust(points.signal, volts)
+            named = {int(k) for direction in fit.directions.values() for k in direction.outliers}
+            rows += [
+                {
+                    "group": unit,
+                    "pull": points.pull[k],
+                    "place": points.label[k],
+                    f"signal_{fit.unit.command}": points.signal[k],
+                    "voltage_v": None if np.isnan(points.voltage_v[k]) else points.voltage_v[k],
+                    "thrust_n": points.thrust[k],
+                    "standard_error_n": None if np.isnan(points.error[k]) else points.error[k],
+                    "fitted_n": fitted[k],
+                    "outlier": k in named,
+                }
+                for k in range(len(points.signal))
+            ]
+        stream = io.BytesIO()
+        pl.DataFrame(rows, infer_schema_length=None).write_csv(stream)
+        return stream.getvalue().decode()
+
+    def save_vehicle(self, path: str | Path, *, replace: bool = False) -> Path:
+        """Vehicle file with the results, written to `path`, whole or not at all; a SeatrialError where there
+        is such a file already and not `replace`, or it cannot be written.
+        """
+        target = Path(path)
+        if target.exists() and not replace:
+            raise SeatrialError(
+                f"{target}: this file exists and is not overwritten; give another name, or --in-place for the"
+                " vehicle file of the bench test"
+            )
+        with writing(target):
+            write_atomic(target, self.vehicle_text.encode())
+        return target
+
+
+def _unit_dict(fit: UnitFit) -> dict[str, Any]:
+    points = fit.points
+    unit: dict[str, Any] = {
+        "actuators": list(fit.unit.actuators),
+        "unit": fit.unit.command,
+        "kind": fit.kind,
+        "order": fit.regression.order,
+        "points": len(points.signal),
+        "directions": {
+            side: direction.to_dict()
+            | {"outliers": [f"pull {points.pull[k]}, {points.label[k]}" for k in direction.outliers]}
+            for side, direction in fit.directions.items()
+        },
+    }
+    if fit.table is not None:
+        unit["table"] = {
+            "signal": fit.table.signal,
+            "voltage_v": fit.table.voltage_v,
+            "force_n": fit.table.force,
+            "dead_band": list(fit.table.dead_band),
+            "errors": fit.table.errors(),
+        }
+    return unit
+
+
+def _warning(doubt: Finding) -> str:
+    """What looks wrong, as a note."""
+    return f"WARNING: {sentence_of(doubt, 'bench_sentences')}"
+
+
+def _record_dict(record: PullPoints) -> dict[str, Any]:
+    return {
+        "file": record.file,
+        "points": len(record.signal),
+        "factors": {"+".join(names): factor for names, factor in record.factors.items()},
+        "tare_n": record.tare,
+        "tare_sd_n": record.zero_error,
+        "notes": [*record.notes, *map(_warning, record.doubts)],
+    }

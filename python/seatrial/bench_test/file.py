@@ -222,19 +222,7 @@ class BenchFile(Section):
 
 
 def parse(text: str, source: str) -> BenchFile:
-    """Bench file from its text; a `CampaignError` lists all that is wrong in it.
-
-    Examples
-    --------
-    >>> file = parse('''
-    ... format = 1
-    ... name = "basin"
-    ... vehicle = "cwolf"
-    ... pulls = [{ name = "ahead", file = "ahead.csv", group = "stern", axis = "X" }]
-    ... ''', "basin.toml")
-    >>> file.regression_of("stern").order
-    2
-    """
+    """Bench file from its text; a `CampaignError` lists all that is wrong in it."""
     return checked(BenchFile, tables(text, source), source)
 
 
@@ -247,20 +235,9 @@ _SINGLE = "load_n"
 class BenchTable:
     """Columns (n,) of a recording; NaN where a cell is empty.
 
-    Attributes
-    ----------
-    file
-        What to call it in messages.
-    t
-        Time in s; None where the table has no time: every row is then one operating point.
-    commands, measured
-        Per actuator in its command's unit, as logged.
-    loads
-        By letter of the axis, N, force of the vehicle on its tether in body axes; by ``""`` a single cell's.
-    voltage_v
-        Supply voltage in V, where it is logged.
-    frame
-        The whole table, for columns without a canonical name.
+    `t` in s; None where every row is one operating point. `commands` and `measured` per actuator in its
+    command's unit, as logged; `loads` in N by axis, force of the vehicle on its tether in body axes, by
+    ``""`` a single cell's. `frame`: the whole table, `file` what to call it.
     """
 
     file: str
@@ -283,11 +260,9 @@ class BenchTable:
 def read_bench_table(
     path: Path, vehicle: Vehicle, *, reader: str | None = None, columns: Mapping[str, Any] | None = None
 ) -> BenchTable:
-    """Table of a bench recording; the vehicle gives the names of actuators and groups.
-
-    `reader` is as in `seatrial.trial.recording.read_table`, `columns` ``{canonical: "column"}`` or
-    ``{canonical: {from, unit, sign, frame}}``. Raises TrialError where the file cannot be read, or the map
-    names what is not there.
+    """Table of a bench recording; the vehicle gives the names of actuators and groups. `reader` is as in
+    `seatrial.trial.recording.read_table`, `columns` ``{canonical: "column"}`` or ``{canonical: {from,
+    unit, sign, frame}}``.
     """
     read = read_table(path, reader, columns_of(columns))
     table, file = read.table, read.file
@@ -296,13 +271,14 @@ def read_bench_table(
     sources = _sources(table.columns, columns or {}, vehicle, file)
     read.refuse_twice(source.column for source in sources.values())
     t = time_base(table, sources["t_s"], file) if "t_s" in sources else None
+    supply = sources.get("voltage_v")
     return BenchTable(
         file=file,
         t=t,
         commands=_per_actuator(table, sources, "cmd.", file),
         measured=_per_actuator(table, sources, "meas.", file),
         loads=_loads(table, sources, file),
-        voltage_v=_scalar(table, sources, "voltage_v", "V", file),
+        voltage_v=_scalar(table, supply, "voltage_v", ("V",), file) if supply else None,
         frame=table,
     )
 
@@ -337,30 +313,21 @@ def _sources(
 def _per_actuator(
     table: pl.DataFrame, sources: Mapping[str, Source], prefix: str, file: str
 ) -> dict[str, Array]:
-    columns = {}
-    for canonical, source in sources.items():
-        if canonical.startswith(prefix):
-            _no_frame(canonical, source, file)
-            where = f"{file}: {canonical}"
-            scale = unit_factor(source.unit, ACTUATOR_UNITS, where) if source.unit else 1.0
-            columns[canonical.removeprefix(prefix)] = (
-                numbers(table[source.column], canonical, file) * scale * source.sign
-            )
-    return columns
+    return {
+        canonical.removeprefix(prefix): _scalar(table, source, canonical, ACTUATOR_UNITS, file)
+        for canonical, source in sources.items()
+        if canonical.startswith(prefix)
+    }
 
 
-def _scalar(
-    table: pl.DataFrame, sources: Mapping[str, Source], canonical: str, unit: str, file: str
-) -> Array | None:
-    source = sources.get(canonical)
-    if source is None:
-        return None
-    _no_frame(canonical, source, file)
-    return _scaled(table, source, canonical, unit, file)
+def _scalar(table: pl.DataFrame, source: Source, canonical: str, units: tuple[str, ...], file: str) -> Array:
+    if source.frame:
+        raise TrialError(f"{file}: {canonical}: a scalar has no frame; leave it out")
+    return _scaled(table, source, canonical, units, file)
 
 
-def _scaled(table: pl.DataFrame, source: Source, canonical: str, unit: str, file: str) -> Array:
-    scale = unit_factor(source.unit, (unit,), f"{file}: {canonical}") if source.unit else 1.0
+def _scaled(table: pl.DataFrame, source: Source, canonical: str, units: tuple[str, ...], file: str) -> Array:
+    scale = unit_factor(source.unit, units, f"{file}: {canonical}") if source.unit else 1.0
     return np.asarray(numbers(table[source.column], canonical, file) * scale * source.sign)
 
 
@@ -371,14 +338,10 @@ def _loads(table: pl.DataFrame, sources: Mapping[str, Source], file: str) -> dic
         if canonical in sources:
             source = sources[canonical]
             turn = frames.body_matrix(source.frame or "FRD", f"{file}: {canonical}")
-            loads["XYZ"[row]] = _scaled(table, source, canonical, "N", file) * turn[row, row]
-    single = _scalar(table, sources, _SINGLE, "N", file)
-    return loads | ({} if single is None else {"": single})
-
-
-def _no_frame(canonical: str, source: Source, file: str) -> None:
-    if source.frame:
-        raise TrialError(f"{file}: {canonical}: a scalar has no frame; leave it out")
+            loads["XYZ"[row]] = _scaled(table, source, canonical, ("N",), file) * turn[row, row]
+    if _SINGLE in sources:
+        loads[""] = _scalar(table, sources[_SINGLE], _SINGLE, ("N",), file)
+    return loads
 
 
 def listed(names: Iterable[str]) -> str:
@@ -388,16 +351,8 @@ def listed(names: Iterable[str]) -> str:
 
 @dataclass(frozen=True)
 class Unit:
-    """Actuators that share one characteristic in this test: a whole group, or some that are named.
-
-    Attributes
-    ----------
-    name
-        The group's name; names of the actuators joined by ``+`` where they are not a whole group.
-    actuators
-        In the vehicle's order.
-    command
-        Unit of their command: rpm, us or N.
+    """Actuators that share one characteristic in this test: a group, or some that are named, joined by ``+``,
+    in the vehicle's order; and the unit of their command: rpm, us or N.
     """
 
     name: str

@@ -5,15 +5,22 @@ Directions and actuators are compared by Wald tests. Ahead against astern, from 
 and its parameters are compared with the median of all, which one odd actuator does not move. With m
 comparisons the level is 5 %/m (Bonferroni).
 
-Held by
-``tests/bench_test/test_motor_dynamics.py``.
+Only what is determined is written as keys of ``[motors.NAME]``, so that merging keeps the rest. But the file
+lets an absent key follow its partner (astern as ahead, shrinking as growing). Where only one rate limit is
+determined, the other is taken as the vehicle had it, left to follow, left out with its partner, or, last,
+written as the least that the records allow: the first of these whose motor follows the records about as well
+as the best does. A limit that the records merely bound can be far below the motor's own. The file has one
+rate limit for both directions: the mean of the two, weighted by their precision.
+
+Held by ``tests/bench_test/test_motor_dynamics.py`` and ``tests/bench_test/test_motor_table.py``.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +28,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.plain import Plain
 from seatrial.base.report import words_about
 from seatrial.bench_test.motor_fit import MotorUncertainty
-from seatrial.bench_test.motor_model import NAMES, RECIPROCAL, MotorModel, StepRecord
+from seatrial.bench_test.motor_model import NAMES, RECIPROCAL, SIDES, MotorModel, StepRecord
 from seatrial.bench_test.motor_plateaus import Noise
 
 
@@ -29,22 +36,10 @@ from seatrial.bench_test.motor_plateaus import Noise
 class MotorParameter(Plain, also="status"):
     """One parameter; ``value``, ``sigma`` and the 95 % interval are None where it is not determined.
 
-    Attributes
-    ----------
-    name, unit
-        As ``n_acc_ahead`` and ``rpm/s``; the unit of K_V is that of the measurement per that of the command.
-    value, sigma, lower, upper
-        Estimate, standard deviation, 95 % interval.
-    dof
-        Degrees of freedom of the interval, zero where there is none.
-    reason
-        Why it is not determined; empty where it is.
-    at_least, at_most
-        What the data say all the same of a parameter that is not determined.
-    kept
-        The vehicle's value, which stays where the parameter is not determined; None if there is none.
-    remark
-        What the value holds for, where it does not hold alone.
+    ``reason`` says why it is not, ``at_least`` and ``at_most`` what the data say all the same; ``kept`` is
+    the vehicle's value, which then stays, ``remark`` what the value holds for where it does not hold alone.
+    The unit of K_V is that of the measurement per that of the command; ``dof`` are the interval's degrees of
+    freedom, zero without one.
     """
 
     name: str
@@ -80,13 +75,7 @@ class MotorParameter(Plain, also="status"):
         return below or (self.at_most is not None and self.kept > self.at_most + slack)
 
     def sentence(self) -> str:
-        """What is known, in one sentence.
-
-        Examples
-        --------
-        >>> MotorParameter("T_t", "s", 0.1234, 0.0021, 0.119, 0.128, 12.0).sentence()
-        'T_t = 0.1234 s ± 0.0021, 95 % interval 0.1190 to 0.1280 s.'
-        """
+        """What is known, in one sentence."""
         return words_about(self, "bench_sentences")[0]
 
 
@@ -100,6 +89,7 @@ class MotorEstimateSettings:
     misfit: float = 10.0  #: Errors over the noise above which an interval means nothing.
     visible: float = 1e-4  #: Share of the motion that the errors must have for it.
     rough: float = 1.5  #: Errors over the measurement's own noise above which something is left out.
+    as_good: float = 1.1  #: Root mean square errors that are about as small as the smallest.
     worse: float = 1e-3  #: Share of the motion by which the written motor may miss more than the fitted one.
 
 
@@ -108,10 +98,9 @@ SETTINGS = MotorEstimateSettings()
 
 @dataclass(frozen=True)
 class Directions(Plain, also="differ"):
-    """A parameter ahead against astern.
-
-    ``pooled`` and ``sigma`` belong to one value for both, ``sigma`` no less than half the difference where
-    they differ; ``p`` is the probability of a difference as large if there is none.
+    """A parameter ahead against astern: ``pooled`` and ``sigma`` belong to one value for both, ``sigma`` no
+    less than half the difference where they differ; ``p`` is the probability of as large a difference if
+    there is none.
     """
 
     name: str
@@ -198,22 +187,9 @@ def compare_actuators(
 
 @dataclass(frozen=True)
 class MotorFitness:
-    """How well a motor fits: the paper's least absolute error and others, in the unit of the measurement.
-
-    Attributes
-    ----------
-    absolute
-        Mean absolute error.
-    absolute_integral
-        The paper's criterion, the integral of the absolute error over time.
-    rms
-        Root mean square error.
-    r2
-        ``1 - SSE/SST``.
-    noise, quantum
-        White noise of the measurement and step of its digits, as its second differences show them.
-    samples
-        Number of measurements.
+    """How well a motor fits, in the unit of the measurement: mean absolute error, its integral over time (the
+    paper's criterion), root mean square error, ``1 - SSE/SST``; white noise of the measurement and step of
+    its digits.
     """
 
     absolute: float
@@ -255,9 +231,8 @@ class MotorFitness:
 
 @dataclass(frozen=True)
 class WrittenMotor:
-    """Keys for the vehicle file, R² of the motor that the file then holds, and the rate written as a bound.
-
-    ``least`` is the key of a rate limit that the records only bound, None where there is none.
+    """Keys for the vehicle file, R² of the motor that the file then holds, and the key of a rate limit
+    (``least``) that the records only bound.
     """
 
     table: dict[str, float | str]
@@ -272,41 +247,16 @@ class MotorEstimate(
     " directions actuators differing left_out trimmed starts agreeing converged distinct_commands block_s"
     " blocks sentences",
 ):
-    """An identified motor.
+    """An identified motor: `MotorParameter` by name, in the order K_V, T_1, T_t, n_min, n_max, n_acc, n_dec
+    (ahead, astern).
 
-    Attributes
-    ----------
-    parameters
-        `MotorParameter` by name, in the order K_V, T_1, T_t, n_min, n_max, n_acc, n_dec (ahead, astern).
-    model
-        The motor that fits best; where a rate limit is not determined, with the vehicle's if the data allow
-        it and without one otherwise; without limits that no command reaches.
-    below_minimum
-        "lift" or "zero"; None where no command lies below the minimum.
-    below_minimum_ratio
-        Cost of the other of the two over that of this one; None likewise.
-    fitness, noise
-        `MotorFitness` and noise of the measurements.
-    directions
-        Ahead against astern, a `Directions` per limit that is determined in both.
-    actuators, differing
-        Names of the actuators, and in what one differs from the others.
-    left_out
-        Number of gross errors that were left out of fit and fitness.
-    trimmed
-        Names of the records that started in motion; their first transient is left out.
-    starts, agreeing
-        How many starts the search had, and how many found this minimum.
-    converged
-        Whether the search ended by its tolerances.
-    distinct_commands
-        Magnitudes of commands that were followed without a limit: the gain rests on them.
-    block_s, blocks
-        Length and number of the blocks of errors on which the intervals rest.
-    unit
-        Unit of command and measurement.
-    written
-        What goes into the vehicle file, and how that scores on the records.
+    `model` fits best; a rate limit that is not determined is the vehicle's if the data allow it.
+    `below_minimum` is "lift" or "zero", its ratio the cost of the other over that of this one; None where no
+    command lies below the minimum. `directions` and `differing`: limits ahead against astern, and in what an
+    actuator differs from the others. `left_out` gross errors count in neither fit nor fitness, nor does the
+    first transient of the `trimmed` records. `agreeing` of so many `starts` of the search found this minimum,
+    `converged` by its tolerances. The gain rests on so many `distinct_commands`, the intervals on `blocks` of
+    errors, `block_s` long. `written` goes into the vehicle file.
     """
 
     parameters: Mapping[str, MotorParameter]
@@ -338,13 +288,96 @@ class MotorEstimate(
         return self.model.response(record, np.asarray(record.t_measured))
 
     def motor_table(self) -> dict[str, float | str]:
-        """Keys of the vehicle file's ``[motors.NAME]`` that the data determine, rounded to their precision.
-
-        Keys of the other parameters are left out, so that merging keeps the vehicle's, but for those that the
-        file would derive from a key that is written. The rate limits are those of both directions together.
+        """Keys of the vehicle file's ``[motors.NAME]`` that the data determine, rounded to their precision;
+        keys that are left out stay the vehicle's when they are merged.
         """
         return dict(self.written.table)
 
     def sentences(self) -> tuple[str, ...]:
         """What is known of each parameter, what differs, how well it fits; one sentence each."""
         return tuple(words_about(self, "bench_sentences"))
+
+
+Keys = dict[str, float | str]
+
+_KEYS = {"n_max_ahead": "maximum_ahead", "n_max_astern": "maximum_astern", "n_min_ahead": "minimum_ahead"}
+
+_KEYS |= {"n_min_astern": "minimum_astern", "K_V": "K_V", "T_1": "T_1_s", "T_t": "T_t_s"}
+
+_PARTNER = {"n_acc": "n_dec", "n_dec": "n_acc"}
+
+
+def written_motor(
+    parameters: Mapping[str, MotorParameter],
+    directions: Sequence[Directions],
+    below_minimum: str | None,
+    records: Sequence[StepRecord],
+    start: Mapping[str, Any],
+) -> WrittenMotor:
+    """What to write of a motor, merged into the vehicle file's entry `start`, chosen by how the motor of the
+    file would follow the records.
+    """
+    base = _static_keys(parameters, below_minimum)
+    limits = {limit: _common(limit, parameters, directions) for limit in _PARTNER}
+    rates: Keys = {f"{limit}_per_s": rate for limit, rate in limits.items() if rate is not None}
+    choices: list[tuple[Keys, str | None]] = [(base | rates, None)]
+    missing = [limit for limit, rate in limits.items() if rate is None]
+    # The file lets the absent rate follow its partner: several readings, judged by the records below.
+    if len(missing) == 1:
+        key, both = f"{missing[0]}_per_s", [parameters[f"{missing[0]}_{side}"] for side in SIDES]
+        kept = both[0].kept
+        if kept is not None and math.isfinite(kept):
+            choices.insert(0, (base | rates | {key: kept}, None))
+        choices.append((dict(base), None))
+        least = [parameter.at_least for parameter in both if parameter.at_least is not None]
+        if least:
+            choices.append((base | rates | {key: float(f"{max(least):.3g}")}, key))
+    errors = [_rms(MotorModel.from_table(dict(start) | table), records) for table, _ in choices]
+    # The first that is about as good: choices are ordered by how little they claim.
+    best = next(k for k, error in enumerate(errors) if error <= SETTINGS.as_good * min(errors))
+    scatter = float(np.std(np.concatenate([record.sampled[1] for record in records])))
+    r2 = 1.0 - (errors[best] / scatter) ** 2 if scatter > 0.0 else math.nan
+    return WrittenMotor(choices[best][0], r2, choices[best][1])
+
+
+def _rms(model: MotorModel, records: Sequence[StepRecord]) -> float:
+    """Root mean square error of a motor over records."""
+    errors = [record.sampled[1] - model.response(record, record.sampled[0]) for record in records]
+    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+
+
+def _static_keys(parameters: Mapping[str, MotorParameter], below_minimum: str | None) -> Keys:
+    """Keys but those of the rate limits, with their values rounded to their precision."""
+    table: Keys = {}
+    for name, key in _KEYS.items():
+        parameter = parameters[name]
+        if parameter.value is not None:
+            table[key] = _rounded(parameter.value, parameter.sigma)
+    for limit in ("maximum", "minimum"):
+        astern = parameters[f"n_{limit[:3]}_astern"]
+        missing = f"{limit}_ahead" in table and f"{limit}_astern" not in table
+        if missing and astern.kept is not None and math.isfinite(astern.kept) and not astern.contradicted:
+            table[f"{limit}_astern"] = astern.kept
+    if below_minimum is not None:
+        table["below_minimum"] = below_minimum
+    return table
+
+
+def _common(
+    limit: str, parameters: Mapping[str, MotorParameter], directions: Sequence[Directions]
+) -> float | None:
+    """One rate limit for both directions, of those that are determined."""
+    for pair in directions:
+        if pair.name == limit:
+            return _rounded(pair.pooled, pair.sigma)
+    values = [parameter for side in SIDES if (parameter := parameters[f"{limit}_{side}"]).value is not None]
+    return _rounded(values[0].value or 0.0, values[0].sigma) if values else None
+
+
+def _rounded(value: float, sigma: float | None) -> float:
+    """Value to a tenth of its standard deviation or finer; to four digits where there is none."""
+    if sigma is None:
+        return float(f"{value:.4g}")
+    if not sigma > 0:
+        return value
+    return round(value, 1 - math.floor(math.log10(sigma)))

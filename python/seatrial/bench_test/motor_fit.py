@@ -176,14 +176,7 @@ def _rho(square: Array, loss: Loss) -> Array:
 
 
 def spread(errors: Array) -> float:
-    """Standard deviation of the greater part of the errors: 1.4826 times their median magnitude.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> spread(np.array([-1.0, 1.0, 1.0, 500.0]))
-    1.48
-    """
+    """Standard deviation of the greater part of the errors: 1.4826 times their median magnitude."""
     return 1.4826 * float(np.median(np.abs(errors))) if len(errors) else math.nan
 
 
@@ -193,10 +186,8 @@ NORMAL = 1.959964
 
 @dataclass(frozen=True)
 class MotorUncertainty:
-    """How sure the coordinates (11,) of a motor are; infinite where they were not free or not determined.
-
-    ``half`` is half the 95 % interval, ``covariance`` (11, 11) zero where a coordinate was not free,
-    ``block_s`` the length of a block.
+    """How sure the coordinates (11,) of a motor are: standard deviation, half of the 95 % interval; infinite
+    where they were not free or not determined, where the ``covariance`` (11, 11) is zero.
     """
 
     sigma: Array
@@ -292,9 +283,8 @@ class Reason:
 def reachable(
     records: Sequence[StepRecord], settled: Sequence[Plateau], static: Statics, *, dead_band: bool
 ) -> dict[str, Reason]:
-    """Reasons by name of the parameters that the commands cannot determine.
-
-    With a dead band n_min has no derivative; it is found by search and none of the fit's.
+    """Reasons by name of the parameters that the commands cannot determine. With a dead band n_min is found
+    by search.
     """
     reasons: dict[str, Reason] = {}
     commands = np.concatenate([record.held[1] for record in records])
@@ -307,9 +297,9 @@ def reachable(
             continue
         followed = [abs(plateau.command) for plateau in settled if sign * plateau.command > 0]
         if math.isinf(static.n_max[side]):
-            reasons[f"n_max_{where}"] = _largest(float(mine.max()), followed, where)
+            reasons[f"n_max_{where}"] = _unreached(float(mine.max()), followed, where, largest=True)
         if not static.n_min[side] > 0 and not (dead_band and static.dropped[side] > 0):
-            reasons[f"n_min_{where}"] = _smallest(float(mine.min()), followed, where)
+            reasons[f"n_min_{where}"] = _unreached(float(mine.min()), followed, where, largest=False)
         if not growing[side]:
             reasons[f"n_acc_{where}"] = Reason(f"no step grows {where}")
         if not shrinking[side]:
@@ -349,26 +339,17 @@ def wide(x: Array, known: MotorUncertainty, sample: float) -> dict[str, Reason]:
     return reasons
 
 
-def _largest(asked: float, followed: Sequence[float], where: str) -> Reason:
-    """Why n_max is not determined, of the largest command and those that settled without a limit."""
+def _unreached(asked: float, followed: Sequence[float], where: str, *, largest: bool) -> Reason:
+    """Why n_max or n_min is not determined, of the extreme command and those that settled without a limit."""
     if not followed:
         return Reason(f"no command {where} is held until the motor settles")
-    if asked > max(followed):
-        text = f"the commands {where} above {max(followed):g} are not held until the motor settles"
-        return Reason(text, at_least=max(followed))
-    return Reason(f"no command {where} reaches it: the largest, {asked:g}, is still followed", at_least=asked)
-
-
-def _smallest(asked: float, followed: Sequence[float], where: str) -> Reason:
-    """Why n_min is not determined, likewise."""
-    if not followed:
-        return Reason(f"no command {where} is held until the motor settles")
-    if asked < min(followed):
-        text = f"the commands {where} below {min(followed):g} are not held until the motor settles"
-        return Reason(text, at_most=min(followed))
-    return Reason(
-        f"no command {where} lies below it: the smallest, {asked:g}, is still followed", at_most=asked
-    )
+    bound, edge = ("at_least", max(followed)) if largest else ("at_most", min(followed))
+    if (asked > edge) if largest else (asked < edge):
+        side = "above" if largest else "below"
+        text = f"the commands {where} {side} {edge:g} are not held until the motor settles"
+        return Reason(text, **{bound: edge})
+    what = "reaches it: the largest" if largest else "lies below it: the smallest"
+    return Reason(f"no command {where} {what}, {asked:g}, is still followed", **{bound: asked})
 
 
 def _moves(records: Sequence[StepRecord], static: Statics) -> tuple[list[bool], list[bool]]:

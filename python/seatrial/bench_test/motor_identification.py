@@ -7,19 +7,23 @@
 5. What the data do not determine is removed, one parameter at a time, and the rest refitted.
 6. Intervals, directions and actuators compared (`motor_fit`, `motor_estimate`).
 
-`recommended_steps` is a step test that determines every parameter: a staircase of small commands (n_min),
-steps too small for the rate limit to matter (T_1, T_t), large steps to both sides (n_acc, n_dec), beyond the
-limits (n_max), and full reversals, each held until the motor has settled.
+Each record is read twice, with lift and with a dead band. The knee of the robust loss comes from the errors
+of the first reading where the motor moves: on plateaus alone it would be the measurement's noise, and what
+rotors do beside a PT1 would count as outliers. A dead band has no slope: the response depends only on which
+commands it drops, so its edge is searched over the commands that were given and lies between the largest
+dropped and the smallest not dropped.
 
-Only what is determined is written as keys of ``[motors.NAME]``, so that merging keeps the rest. But the file
-lets an absent key follow its partner (astern as ahead, shrinking as growing). Where only one rate limit is
-determined, the other is taken as the vehicle had it, left to follow, left out with its partner, or, last,
-written as the least that the records allow: the first of these whose motor follows the records about as well
-as the best does. A limit that the records merely bound can be far below the motor's own. The file has one
-rate limit for both directions: the mean of the two, weighted by their precision.
+With a robust loss, single gross errors are left out of the better reading: missed counts read zero, all on
+one side, and Huber's loss limits their pull but keeps it. A run of such values is no missed count but
+something that the chain does not model; it stays.
+
+A rate limit whose interval reaches "no limit" is held at the vehicle's value if the data allow that, and at
+no limit otherwise. A time constant near zero has no slope (a short lag delays a ramp as a dead time does):
+its interval is that of the profile, where the cost with T_1 held and all others refitted rises by what chance
+would. What then holds only beside a held parameter says so.
 
 Source: Taubert et al. (2014), equation 34 and figures 4-6 (static behaviour, rate limits, step response).
-Held by ``tests/bench_test/test_motor_dynamics.py``, ``tests/bench_test/test_motor_table.py`` and
+Held by ``tests/bench_test/test_motor_dynamics.py`` and
 ``tests/bench_test/test_motor_coverage.py``.
 """
 
@@ -31,32 +35,49 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from seatrial.base.arrays import Array
-from seatrial.base.errors import TrialError, VehicleError
-from seatrial.bench_test.motor_elimination import Reduced, bracket, eliminated, readings
+from seatrial.base.arrays import Array, runs
+from seatrial.base.errors import TrialError
 from seatrial.bench_test.motor_estimate import (
-    Directions,
     MotorEstimate,
     MotorFitness,
     MotorParameter,
-    WrittenMotor,
     compare_actuators,
     compare_directions,
+    written_motor,
 )
-from seatrial.bench_test.motor_fit import Loss, fit, uncertainty
-from seatrial.bench_test.motor_model import NAMES, RECIPROCAL, SIDES, MotorModel, StepRecord
+from seatrial.bench_test.motor_fit import (
+    NORMAL,
+    Fit,
+    Loss,
+    MotorUncertainty,
+    Problem,
+    Reason,
+    fit,
+    reachable,
+    spread,
+    uncertainty,
+    unseen_rates,
+    wide,
+)
+from seatrial.bench_test.motor_model import NAMES, RECIPROCAL, SIDES, MotorModel, StepRecord, symbol
 from seatrial.bench_test.motor_plateaus import (
     Noise,
     Plateau,
     Statics,
     noise_of,
     plateaus,
+    starts,
     starts_in_motion,
     statics,
 )
 
 _LOSSES = ("huber", "soft_l1", "none")
+
+_LAG, _DELAY = NAMES.index("T_1"), NAMES.index("T_t")
+
+_MINIMUM = [NAMES.index("n_min_ahead"), NAMES.index("n_min_astern")]
 
 
 def identify_motor(
@@ -90,7 +111,7 @@ def identify_motor(
     --------
     >>> import numpy as np
     >>> from seatrial.bench_test.motor_model import MotorModel
-    >>> from seatrial.bench_test.motor_identification import recommended_steps
+    >>> from seatrial.bench_test.motor_model import recommended_steps
     >>> table = {"maximum_ahead": 2000.0, "minimum_ahead": 150.0, "n_acc_per_s": 2000.0,
     ...          "n_dec_per_s": 4000.0, "T_1_s": 0.15, "T_t_s": 0.137}
     >>> t, command = recommended_steps(table)
@@ -119,8 +140,8 @@ def identify_motor(
     shown = statics(settled, noise)
     # Commands below the minimum can be read in two ways; the lower cost decides.
     read = readings(several, settled, shown, noise, robust)
-    reduced = eliminated(read.better, noise, prior)
-    return _estimate(reduced, several, noise, settled, shown, start or {}, read.ratio, trimmed, unit)
+    reduced = eliminated(read, noise, prior)
+    return _estimate(reduced, several, noise, settled, shown, start or {}, trimmed, unit)
 
 
 def _refuse(records: Sequence[StepRecord], robust: str) -> None:
@@ -150,7 +171,6 @@ def _estimate(
     settled: Sequence[Plateau],
     shown: Statics,
     start: Mapping[str, Any],
-    ratio: float | None,
     trimmed: tuple[str, ...],
     unit: str,
 ) -> MotorEstimate:
@@ -172,7 +192,7 @@ def _estimate(
     determined = {name: parameter.determined for name, parameter in parameters.items()}
     smooth = {name: fitted and bool(problem.free[NAMES.index(name)]) for name, fitted in determined.items()}
     directions = compare_directions(best.x, known, smooth) if clear else ()
-    below = None if ratio is None else ("zero" if problem.dead_band else "lift")
+    below = None if reduced.ratio is None else ("zero" if problem.dead_band else "lift")
     actuators = tuple(dict.fromkeys(record.name for record in problem.records))
     # Actuators of a group are fitted alone, from the common estimate on, to see which one differs.
     alone = {}
@@ -191,7 +211,7 @@ def _estimate(
         parameters=parameters,
         model=model,
         below_minimum=below,
-        below_minimum_ratio=ratio,
+        below_minimum_ratio=reduced.ratio,
         fitness=fitness,
         noise=noise,
         directions=directions,
@@ -247,174 +267,240 @@ def _parameter(k: int, reduced: Reduced, kept: float | None, unit: str) -> Motor
 
 
 @dataclass(frozen=True)
-class MotorTestSettings:
-    """Which steps are recommended for a motor, and which losses are as good."""
+class EliminationSettings:
+    """How robustly motor dynamics are fitted, and where their edges are searched."""
 
-    unknown_lag_s: float = 0.3  #: Where the records do not tell the lag, s.
-    rest_s: float = 1.5  #: Length of a plateau, s, or `rest_samples` if that is longer.
-    rest_samples: float = 8.0  #: Length of a plateau in samples.
-    stagger: float = 0.6180339887  #: Golden section: steps meet the samples at evenly spread phases.
-    as_good: float = 1.1  #: Root mean square errors that are about as small as the smallest.
-
-
-SETTINGS = MotorTestSettings()
-
-
-def recommended_steps(
-    motor: Mapping[str, Any], *, sample_s: float = 0.1, stagger: bool = True
-) -> tuple[Array, Array]:
-    """Times (n,) in s and commands (n,) of a step test, each command held until the next time.
-
-    Parameters
-    ----------
-    motor : mapping
-        What is known or guessed of the motor, as in the vehicle file's ``[motors.NAME]``; ``maximum_ahead``
-        is needed.
-    sample_s : float
-        Time between samples of the log, s.
-    stagger : bool
-        Let the steps fall between the samples at ever other phases. Without it they fall on samples, for a
-        logger that can do no other.
-
-    Raises
-    ------
-    VehicleError
-        There is no largest command, or the sample time is not positive.
-
-    Examples
-    --------
-    >>> t, command = recommended_steps({"maximum_ahead": 2000.0, "minimum_ahead": 150.0})
-    >>> print(command.max(), command.min())
-    2300.0 -2300.0
-    """
-    known = MotorModel.from_table(motor)
-    if not all(math.isfinite(limit) and limit > 0 for limit in known.n_max):
-        raise VehicleError(
-            "a step test needs the largest command; found no maximum_ahead in the motor's table; give"
-            " maximum_ahead (and maximum_astern where it differs) in the unit of the command"
-        )
-    if not sample_s > 0:
-        raise VehicleError(f"a step test needs a sample time above zero, found sample_s = {sample_s:g} s")
-    sides = [_sequence(known, side) for side in (0, 1)]
-    ahead, astern = (known.n_max[side] for side in (0, 1))
-    # Full reversals take the longest way: they show the rate limits of both directions.
-    reversals = [0.9 * ahead, -0.9 * astern, 0.9 * ahead, -0.9 * astern, 0.0]
-    commands = np.array([0.0, *sides[0], *sides[1], *reversals])
-    rest = max(SETTINGS.rest_s, SETTINGS.rest_samples * sample_s)
-    holds = [_hold(known, commands[max(k - 1, 0)], commands[k]) + rest for k in range(len(commands))]
-    t = np.concatenate([[0.0], np.cumsum(holds)[:-1]])
-    # Commands change at samples; the stagger moves them within, which tells the dead time to a part of one.
-    t = np.ceil(t / sample_s) * sample_s
-    if stagger:
-        t[1:] += sample_s * ((SETTINGS.stagger * np.arange(1, len(t))) % 1.0)
-    return np.append(t, t[-1] + holds[-1]), np.append(commands, 0.0)
+    most_edges: int = 24  #: Edges of a dead band that are tried: each costs a solution of the problem.
+    starts: int = 4  #: For a problem with several minima: each costs a solution.
+    knee: float = 1.5  #: Standard deviations: Huber's loss keeps 96 % of the efficiency for normal errors.
+    gross: float = 8.0  #: Standard deviations of a gross error.
+    gross_share: float = 0.1  #: Largest part of the values that may be gross errors.
+    missed_run: int = 3  #: Values in a row that may be missed counts.
+    #: Rise of the squared errors, in variances; doubled because errors are coloured.
+    chance: float = 2.0 * NORMAL**2
+    longest_samples: float = 40.0  #: Samples at which the search for the longest lag ends.
 
 
-def _sequence(known: MotorModel, side: int) -> list[float]:
-    """Commands of one direction, beginning and ending at the smallest command."""
+SETTINGS = EliminationSettings()
+
+
+def _edges(problem: Problem, x: Array) -> Array:
+    """Coordinates (11,) with the edges of the dead band (ahead, astern) that cost least."""
+    best = x.copy()
+    problem = replace(problem, dead_band=True)
+    for side in (0, 1):
+        sizes = _sizes(problem.records, side)
+        cuts = np.concatenate([[0.0], 0.5 * (sizes[:-1] + sizes[1:])])[: SETTINGS.most_edges]
+        costs = []
+        for cut in cuts:
+            best[_MINIMUM[side]] = cut
+            costs.append(problem.cost(best))
+        best[_MINIMUM[side]] = cuts[int(np.argmin(costs))]
+    return best
+
+
+def bracket(records: Sequence[StepRecord], edge: float, side: int) -> tuple[float, float] | None:
+    """Largest command that an edge drops and smallest that it lets pass; None where it drops none."""
+    sizes = _sizes(records, side)
+    dropped, passed = sizes[sizes < edge], sizes[sizes >= edge]
+    if not len(dropped) or not len(passed):
+        return None
+    return float(dropped.max()), float(passed.min())
+
+
+def _sizes(records: Sequence[StepRecord], side: int) -> Array:
+    """Distinct magnitudes of the commands of one direction, rising."""
+    commands = np.concatenate([record.held[1] for record in records])
     sign = 1.0 - 2.0 * side
-    top = known.n_max[side]
-    low = known.n_min[side] or 0.1 * top
-    # A change that the rate limit passes in a third of the time constant shows the lag alone.
-    rate = min(known.n_acc[side], known.n_dec[side], 10.0 * top)
-    small = min(max(rate * (known.T_1 or SETTINGS.unknown_lag_s) / 3.0, 0.04 * top), 0.15 * top)
-    middle = max(0.5 * top, 2.0 * low)
-    staircase = [0.3 * low, 0.0, 0.6 * low, 0.9 * low, 1.3 * low, 2.0 * low, 0.0]
-    fine = [middle, middle + small, middle, middle - small, middle, middle + small]
-    large = [0.0, 0.9 * top, 1.15 * top, 0.7 * top, 0.0, 0.8 * top, 0.25 * top, 1.15 * top, 0.0]
-    return [sign * command for command in (*staircase, *fine, *large)]
+    return np.unique(sign * commands[sign * commands > 0])
 
 
-def _hold(known: MotorModel, before: float, after: float) -> float:
-    """Time in s until the motor has settled."""
-    sides = (0, 1)
-    slowest = min(min(known.n_acc[side], known.n_dec[side]) for side in sides)
-    ramp = abs(after - before) / slowest if math.isfinite(slowest) else 0.0
-    return known.T_t + ramp + 5.0 * (known.T_1 or SETTINGS.unknown_lag_s)
+@dataclass(frozen=True)
+class Reading:
+    """A problem with its best fit, and the reasons of parameters that were not free."""
+
+    problem: Problem
+    best: Fit
+    reasons: dict[str, Reason]
 
 
-Keys = dict[str, float | str]
+@dataclass(frozen=True)
+class Readings:
+    """The better reading, and the cost of the other over its own; None where there is no other."""
 
-_KEYS = {"n_max_ahead": "maximum_ahead", "n_max_astern": "maximum_astern", "n_min_ahead": "minimum_ahead"}
-
-_KEYS |= {"n_min_astern": "minimum_astern", "K_V": "K_V", "T_1": "T_1_s", "T_t": "T_t_s"}
-
-_PARTNER = {"n_acc": "n_dec", "n_dec": "n_acc"}
-
-
-def written_motor(
-    parameters: Mapping[str, MotorParameter],
-    directions: Sequence[Directions],
-    below_minimum: str | None,
-    records: Sequence[StepRecord],
-    start: Mapping[str, Any],
-) -> WrittenMotor:
-    """What to write of a motor, chosen by how the motor of the file would follow the records.
-
-    `below_minimum` is "lift" or "zero", where the records tell; the keys are merged into the vehicle file's
-    entry `start`.
-    """
-    base = _static_keys(parameters, below_minimum)
-    limits = {limit: _common(limit, parameters, directions) for limit in _PARTNER}
-    rates: Keys = {f"{limit}_per_s": rate for limit, rate in limits.items() if rate is not None}
-    choices: list[tuple[Keys, str | None]] = [(base | rates, None)]
-    missing = [limit for limit, rate in limits.items() if rate is None]
-    # The file lets the absent rate follow its partner: several readings, judged by the records below.
-    if len(missing) == 1:
-        key, both = f"{missing[0]}_per_s", [parameters[f"{missing[0]}_{side}"] for side in SIDES]
-        kept = both[0].kept
-        if kept is not None and math.isfinite(kept):
-            choices.insert(0, (base | rates | {key: kept}, None))
-        choices.append((dict(base), None))
-        least = [parameter.at_least for parameter in both if parameter.at_least is not None]
-        if least:
-            choices.append((base | rates | {key: float(f"{max(least):.3g}")}, key))
-    errors = [_rms(MotorModel.from_table(dict(start) | table), records) for table, _ in choices]
-    # The first that is about as good: choices are ordered by how little they claim.
-    best = next(k for k, error in enumerate(errors) if error <= SETTINGS.as_good * min(errors))
-    scatter = float(np.std(np.concatenate([record.sampled[1] for record in records])))
-    r2 = 1.0 - (errors[best] / scatter) ** 2 if scatter > 0.0 else math.nan
-    return WrittenMotor(choices[best][0], r2, choices[best][1])
+    better: Reading
+    ratio: float | None
 
 
-def _rms(model: MotorModel, records: Sequence[StepRecord]) -> float:
-    """Root mean square error of a motor over records."""
-    errors = [record.sampled[1] - model.response(record, record.sampled[0]) for record in records]
-    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+def readings(
+    records: tuple[StepRecord, ...], settled: Sequence[Plateau], shown: Statics, noise: Noise, loss: Loss
+) -> Readings:
+    """The better reading of commands below the minimum, or the only one where there are no such commands."""
+    reasons = reachable(records, settled, shown, dead_band=False)
+    free = np.array([name not in reasons for name in NAMES])
+    base = MotorModel(shown.gain, 0.0, 0.0, shown.n_min, shown.n_max).coordinates()
+    problem = Problem(records, base, free, SETTINGS.knee * noise.total, loss, dead_band=False)
+    points = starts(records, shown, noise, cost=problem.cost, wanted=SETTINGS.starts)
+    first = fit(problem, points)
+    problem = replace(problem, knee=SETTINGS.knee * _size_of_errors(problem, first.x, noise))
+    again = fit(problem, [first.x])
+    lift = Reading(problem, replace(again, starts=first.starts, agreeing=first.agreeing), reasons)
+    if max(*shown.n_min, *shown.dropped) <= 0:
+        return Readings(_cleaned(lift, noise), None)
+    free = free.copy()
+    free[_MINIMUM] = False
+    problem = replace(problem, base=_edges(problem, lift.best.x), free=free, dead_band=True)
+    best = fit(problem, [np.where(free, x, problem.base) for x in (lift.best.x, *points[:1])])
+    drop = Reading(problem, best, reachable(records, settled, shown, dead_band=True))
+    better, other = sorted([lift, drop], key=lambda reading: reading.best.cost)
+    return Readings(_cleaned(better, noise), other.best.cost / max(better.best.cost, 1e-12))
 
 
-def _static_keys(parameters: Mapping[str, MotorParameter], below_minimum: str | None) -> Keys:
-    """Keys but those of the rate limits, with their values rounded to their precision."""
-    table: Keys = {}
-    for name, key in _KEYS.items():
-        parameter = parameters[name]
-        if parameter.value is not None:
-            table[key] = _rounded(parameter.value, parameter.sigma)
-    for limit in ("maximum", "minimum"):
-        astern = parameters[f"n_{limit[:3]}_astern"]
-        missing = f"{limit}_ahead" in table and f"{limit}_astern" not in table
-        if missing and astern.kept is not None and math.isfinite(astern.kept) and not astern.contradicted:
-            table[f"{limit}_astern"] = astern.kept
-    if below_minimum is not None:
-        table["below_minimum"] = below_minimum
-    return table
+def _cleaned(reading: Reading, noise: Noise) -> Reading:
+    """The reading refitted without single gross errors, where the loss is robust."""
+    problem, best = reading.problem, reading.best
+    limit = SETTINGS.gross * _size_of_errors(problem, best.x, noise)
+    if problem.loss == "none":
+        return reading
+    kept, dropped = [], 0
+    for record in problem.records:
+        times, measured = record.sampled
+        bad = _single(np.abs(measured - problem.model(best.x).response(record, times)) > limit)
+        dropped += int(bad.sum())
+        stamps = np.asarray(record.t_measured)
+        values = np.where(np.isin(stamps, times[bad]), np.nan, np.asarray(record.measured))
+        kept.append(replace(record, measured=values) if bad.mean() <= SETTINGS.gross_share else record)
+    if not dropped:
+        return reading
+    problem = replace(problem, records=tuple(kept))
+    again = fit(problem, [best.x])
+    return replace(reading, problem=problem, best=replace(again, starts=best.starts, agreeing=best.agreeing))
 
 
-def _common(
-    limit: str, parameters: Mapping[str, MotorParameter], directions: Sequence[Directions]
-) -> float | None:
-    """One rate limit for both directions, of those that are determined."""
-    for pair in directions:
-        if pair.name == limit:
-            return _rounded(pair.pooled, pair.sigma)
-    values = [parameter for side in SIDES if (parameter := parameters[f"{limit}_{side}"]).value is not None]
-    return _rounded(values[0].value or 0.0, values[0].sigma) if values else None
+def _single(far: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Marks of values in runs that are short enough for missed counts."""
+    kept = np.zeros_like(far)
+    for start, end in runs(far):
+        kept[start:end] = end - start <= SETTINGS.missed_run
+    return kept
 
 
-def _rounded(value: float, sigma: float | None) -> float:
-    """Value to a tenth of its standard deviation or finer; to four digits where there is none."""
-    if sigma is None:
-        return float(f"{value:.4g}")
-    if not sigma > 0:
-        return value
-    return round(value, 1 - math.floor(math.log10(sigma)))
+def _size_of_errors(problem: Problem, x: Array, noise: Noise) -> float:
+    """Standard deviation of the errors, the greater of all and of those while the motor moves."""
+    errors, model = problem.errors(x), problem.model(x)
+    moving = []
+    for record in problem.records:
+        at, near = record.sampled[0], 0.5 * record.sample_s
+        change = model.response(record, at + near) - model.response(record, at - near)
+        moving.append(np.abs(change) > 2.0 * noise.total)
+    moved = errors[np.concatenate(moving)]
+    return max(spread(errors), spread(moved) if len(moved) else 0.0, noise.total)
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """A fit without what is not determined: reasons by name, remarks on the others, ratio of `Readings`."""
+
+    problem: Problem
+    best: Fit
+    known: MotorUncertainty
+    reasons: dict[str, Reason]
+    remarks: dict[str, str]
+    ratio: float | None
+
+
+def eliminated(read: Readings, noise: Noise, prior: MotorModel | None) -> Reduced:
+    """The better reading without rate limits and a time constant that the data do not determine."""
+    problem, best, reasons = read.better.problem, read.better.best, dict(read.better.reasons)
+    sample = float(np.median([record.sample_s for record in problem.records]))
+    known = uncertainty(problem, best.x, noise)
+    blurred = set(wide(best.x, known, sample))
+    held: list[str] = []
+    while unseen := unseen_rates(best.x, known, problem.free):
+        name, reasons[name] = next(iter(unseen.items()))
+        problem, best = _hold(problem, best, NAMES.index(name), prior, otherwise=0.0)
+        known = uncertainty(problem, best.x, noise)
+        held.append(symbol(name))
+    if "T_1" in wide(best.x, known, sample):
+        problem, best, known = _near_zero(problem, best, noise, prior, sample, reasons)
+    reasons |= {name: reason for name, reason in wide(best.x, known, sample).items() if name not in reasons}
+    beside = f"it holds for {', '.join(held)} as in the fit" if held else ""
+    remarks = {name: beside for name in blurred if beside and name not in reasons}
+    return Reduced(problem, best, known, reasons, remarks, read.ratio)
+
+
+def _near_zero(
+    problem: Problem,
+    best: Fit,
+    noise: Noise,
+    prior: MotorModel | None,
+    sample: float,
+    reasons: dict[str, Reason],
+) -> tuple[Problem, Fit, MotorUncertainty]:
+    """The fit with T_1 held, and T_1's interval from its profile where that is shorter than a sample."""
+    longest = _longest_lag(problem, best, sample)
+    if longest <= sample:
+        problem, best = _hold(problem, best, _LAG, None, otherwise=float(best.x[_LAG]))
+    else:
+        reasons["T_1"] = Reason(
+            "a longer one fits as well with another dead time and other rates; steps of several sizes, some"
+            " too small for the rate limit to matter, would determine it",
+            at_most=longest if math.isfinite(longest) else None,
+        )
+        problem, best = _hold(problem, best, _LAG, prior, otherwise=float(best.x[_LAG]))
+    known = uncertainty(problem, best.x, noise)
+    sigma, half, dof = known.sigma.copy(), known.half.copy(), known.dof.copy()
+    sigma[_LAG], half[_LAG], dof[_LAG] = longest / NORMAL, max(longest - best.x[_LAG], 0.0), math.inf
+    # What the lag may be longer, the dead time is shorter.
+    sigma[_DELAY], half[_DELAY] = math.hypot(sigma[_DELAY], sigma[_LAG]), math.hypot(half[_DELAY], half[_LAG])
+    return problem, best, replace(known, sigma=sigma, half=half, dof=dof)
+
+
+def _longest_lag(problem: Problem, best: Fit, sample: float) -> float:
+    """Longest time constant in s that the data allow with all others refitted; infinite if all are."""
+    length = max(float(best.x[_LAG]), 0.02 * sample)
+    while _allowed(problem, best, _LAG, length):
+        length *= 2.0
+        if length > SETTINGS.longest_samples * sample:
+            return math.inf
+    shorter = float(best.x[_LAG])
+    for _ in range(8):  # halvings of the interval: to half a per cent of it
+        middle = 0.5 * (shorter + length)
+        if _allowed(problem, best, _LAG, middle):
+            shorter = middle
+        else:
+            length = middle
+    return length
+
+
+def _hold(
+    problem: Problem, best: Fit, k: int, prior: MotorModel | None, *, otherwise: float
+) -> tuple[Problem, Fit]:
+    """The problem with a coordinate held at the vehicle's if the data allow it, and its fit."""
+    value = otherwise
+    if prior is not None:
+        kept = float(prior.coordinates()[k])
+        value = kept if math.isfinite(kept) and _allowed(problem, best, k, kept) else otherwise
+    return _refitted(problem, best, k, value)
+
+
+def _allowed(problem: Problem, best: Fit, k: int, value: float) -> bool:
+    """Whether the cost with a coordinate held rises by no more than chance."""
+    held = _refitted(problem, best, k, value)[1]
+    size = max(spread(problem.errors(best.x)), 1e-12)
+    return 2.0 * (held.cost - best.cost) * (problem.knee / size) ** 2 <= SETTINGS.chance
+
+
+def _refitted(problem: Problem, best: Fit, k: int, value: float) -> tuple[Problem, Fit]:
+    """The problem with a coordinate held at a value, and its fit from the present one."""
+    base, free = best.x.copy(), problem.free.copy()
+    base[k], free[k] = value, False
+    problem = replace(problem, base=base, free=free)
+    points = [np.where(free, best.x, base)]
+    if k == _LAG:
+        # A longer lag wants a shorter dead time: start there too.
+        moved = points[0].copy()
+        moved[_DELAY] = max(moved[_DELAY] + float(best.x[k]) - value, 0.0)
+        points.append(np.where(free, moved, base))
+    again = fit(problem, points)
+    return problem, replace(again, starts=best.starts, agreeing=best.agreeing)

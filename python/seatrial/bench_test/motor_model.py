@@ -6,6 +6,10 @@ continuous time (`seatrial._core.motor_response`), so that neither dead time nor
 the samples. Coordinates are the parameters themselves, but for the rate limits their reciprocals, in s per
 unit of the command: a ramp's length is proportional to them and no limit at all is zero, not infinity.
 
+`recommended_steps` is a step test that determines every parameter: a staircase of small commands (n_min),
+steps too small for the rate limit to matter (T_1, T_t), large steps to both sides (n_acc, n_dec), beyond the
+limits (n_max), and full reversals, each held until the motor has settled.
+
 In a record a command is held from its stamp until the next (zero-order hold); the first one counts as held
 long before. Revolutions may be sampled at times of their own and may be missing (NaN). Unit: that of the
 command, counted from neutral and positive ahead. Held by ``tests/bench_test/test_motor_reference.py`` and
@@ -24,7 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from seatrial.base.arrays import Array
-from seatrial.base.errors import TrialError
+from seatrial.base.errors import TrialError, VehicleError
 
 Pair = tuple[float, float]
 
@@ -237,3 +241,89 @@ def _reciprocal(value: float) -> float:
     if math.isinf(value):
         return 0.0
     return 1.0 / float(value) if value > 0 else math.inf
+
+
+@dataclass(frozen=True)
+class MotorTestSettings:
+    """Which steps are recommended for a motor."""
+
+    unknown_lag_s: float = 0.3  #: Where the records do not tell the lag, s.
+    rest_s: float = 1.5  #: Length of a plateau, s, or `rest_samples` if that is longer.
+    rest_samples: float = 8.0  #: Length of a plateau in samples.
+    stagger: float = 0.6180339887  #: Golden section: steps meet the samples at evenly spread phases.
+
+
+STEP_SETTINGS = MotorTestSettings()
+
+
+def recommended_steps(
+    motor: Mapping[str, Any], *, sample_s: float = 0.1, stagger: bool = True
+) -> tuple[Array, Array]:
+    """Times (n,) in s and commands (n,) of a step test, each command held until the next time.
+
+    Parameters
+    ----------
+    motor : mapping
+        What is known or guessed of the motor, as in the vehicle file's ``[motors.NAME]``; ``maximum_ahead``
+        is needed.
+    sample_s : float
+        Time between samples of the log, s.
+    stagger : bool
+        Let the steps fall between the samples at ever other phases. Without it they fall on samples, for a
+        logger that can do no other.
+
+    Raises
+    ------
+    VehicleError
+        There is no largest command, or the sample time is not positive.
+
+    Examples
+    --------
+    >>> t, command = recommended_steps({"maximum_ahead": 2000.0, "minimum_ahead": 150.0})
+    >>> print(command.max(), command.min())
+    2300.0 -2300.0
+    """
+    known = MotorModel.from_table(motor)
+    if not all(math.isfinite(limit) and limit > 0 for limit in known.n_max):
+        raise VehicleError(
+            "a step test needs the largest command; found no maximum_ahead in the motor's table; give"
+            " maximum_ahead (and maximum_astern where it differs) in the unit of the command"
+        )
+    if not sample_s > 0:
+        raise VehicleError(f"a step test needs a sample time above zero, found sample_s = {sample_s:g} s")
+    sides = [_sequence(known, side) for side in (0, 1)]
+    ahead, astern = (known.n_max[side] for side in (0, 1))
+    # Full reversals take the longest way: they show the rate limits of both directions.
+    reversals = [0.9 * ahead, -0.9 * astern, 0.9 * ahead, -0.9 * astern, 0.0]
+    commands = np.array([0.0, *sides[0], *sides[1], *reversals])
+    rest = max(STEP_SETTINGS.rest_s, STEP_SETTINGS.rest_samples * sample_s)
+    holds = [_hold(known, commands[max(k - 1, 0)], commands[k]) + rest for k in range(len(commands))]
+    t = np.concatenate([[0.0], np.cumsum(holds)[:-1]])
+    # Commands change at samples; the stagger moves them within, which tells the dead time to a part of one.
+    t = np.ceil(t / sample_s) * sample_s
+    if stagger:
+        t[1:] += sample_s * ((STEP_SETTINGS.stagger * np.arange(1, len(t))) % 1.0)
+    return np.append(t, t[-1] + holds[-1]), np.append(commands, 0.0)
+
+
+def _sequence(known: MotorModel, side: int) -> list[float]:
+    """Commands of one direction, beginning and ending at the smallest command."""
+    sign = 1.0 - 2.0 * side
+    top = known.n_max[side]
+    low = known.n_min[side] or 0.1 * top
+    # A change that the rate limit passes in a third of the time constant shows the lag alone.
+    rate = min(known.n_acc[side], known.n_dec[side], 10.0 * top)
+    small = min(max(rate * (known.T_1 or STEP_SETTINGS.unknown_lag_s) / 3.0, 0.04 * top), 0.15 * top)
+    middle = max(0.5 * top, 2.0 * low)
+    staircase = [0.3 * low, 0.0, 0.6 * low, 0.9 * low, 1.3 * low, 2.0 * low, 0.0]
+    fine = [middle, middle + small, middle, middle - small, middle, middle + small]
+    large = [0.0, 0.9 * top, 1.15 * top, 0.7 * top, 0.0, 0.8 * top, 0.25 * top, 1.15 * top, 0.0]
+    return [sign * command for command in (*staircase, *fine, *large)]
+
+
+def _hold(known: MotorModel, before: float, after: float) -> float:
+    """Time in s until the motor has settled."""
+    sides = (0, 1)
+    slowest = min(min(known.n_acc[side], known.n_dec[side]) for side in sides)
+    ramp = abs(after - before) / slowest if math.isfinite(slowest) else 0.0
+    return known.T_t + ramp + 5.0 * (known.T_1 or STEP_SETTINGS.unknown_lag_s)

@@ -79,10 +79,8 @@ class Plateau:
 
 @dataclass(frozen=True)
 class Statics:
-    """Gain and static limits that plateaus show; pairs (ahead, astern).
-
-    ``n_max`` is infinite and ``n_min`` zero where no plateau shows it. ``dropped``: commands that
-    left the motor at rest: the largest magnitude among them, else zero.
+    """Gain and static limits that plateaus show; pairs (ahead, astern). ``n_max`` is infinite and ``n_min``
+    zero where none shows it; ``dropped`` is the largest command that left the motor at rest, else zero.
     """
 
     gain: float
@@ -92,10 +90,9 @@ class Statics:
 
 
 def noise_of(records: Sequence[StepRecord]) -> Noise:
-    """Noise and quantum of the measurements.
-
-    The noise is the smaller of two: from second differences, which a ramp hardly enters, and from the
-    scatter in the second halves of held commands, which serves where samples are few per step.
+    """Noise and quantum of the measurements: the smaller of the noise in second differences, which a ramp
+    hardly enters, and of the scatter in the second halves of held commands, where samples are few per
+    step.
     """
     bends, scatter, values = [], [], []
     for record in records:
@@ -143,9 +140,8 @@ def plateaus(records: Sequence[StepRecord], noise: Noise) -> list[Plateau]:
 
 
 def starts_in_motion(record: StepRecord, noise: Noise) -> StepRecord | None:
-    """The record without its first transient where it starts in the midst of one; None where it does not.
-
-    The first command counts as held long before; a motor that still moves then was commanded otherwise.
+    """The record without its first transient where it starts in the midst of one; None where it does not: the
+    first command counts as held long before.
     """
     starts = record.held[0]
     times, measured = record.sampled
@@ -222,9 +218,8 @@ def statics(settled: Sequence[Plateau], noise: Noise) -> Statics:
 
 
 def _shared(ordered: Sequence[Plateau], gain: float, noise: Noise, way: int) -> list[float]:
-    """Levels of the first plateaus that lie off the line in one way and share the level of the very first.
-
-    One command alone that lies a little off the line shows another gain, not a limit.
+    """Levels of the first plateaus that lie off the line in one way and share the level of the very first;
+    one command alone a little off the line shows another gain, not a limit.
     """
     shared: list[float] = []
     commands: set[float] = set()
@@ -288,9 +283,8 @@ _LN4 = math.log(4.0)  # a lag goes from 20 to 80 % of a step in ln 4 of its time
 
 @dataclass(frozen=True)
 class Transition:
-    """A step from level to level of the limited command, s from the command's stamp.
-
-    ``rate`` is the index of its rate limit among the parameters, None for a reversal.
+    """A step from level to level of the limited command, s from the command's stamp; ``rate`` is the place of
+    its rate limit among the parameters, None for a reversal.
     """
 
     size: float
@@ -300,13 +294,7 @@ class Transition:
 
 
 def limited(command: float, low: tuple[float, float], high: tuple[float, float]) -> float:
-    """Command after the static limits, lifted below the minimum.
-
-    Examples
-    --------
-    >>> limited(-30.0, (150.0, 140.0), (2000.0, 1900.0))
-    -140.0
-    """
+    """Command after the static limits, lifted below the minimum."""
     side = int(command < 0)
     if command == 0:
         return 0.0

@@ -63,24 +63,12 @@ SETTINGS = PlateauSettings()
 
 @dataclass(frozen=True)
 class Plateau:
-    """One operating point.
+    """One operating point: per actuator the mean signal, mean load (a,) of each axis of the cell and its
+    standard error in N (NaN in a table without time), supply in V (NaN where it is not logged), and so
+    many steady samples.
 
-    Attributes
-    ----------
-    label
-        Row, or interval of time, for messages.
-    signal
-        Per actuator, mean over the steady samples.
-    load, error
-        Mean load (a,) and its standard error in N, one per axis of the cell; the error is NaN in a table
-        without time.
-    voltage_v
-        Supply voltage in V, NaN where it is not logged.
-    samples
-        Steady samples of the load.
-    drifting
-        Whether the load still moved: its halves differ by more than six errors of the second one and 2 % of
-        its size.
+    It is `drifting` where the halves of the load differ by more than six errors of the second one and 2 % of
+    its size.
     """
 
     label: str
@@ -115,8 +103,8 @@ def plateaus(
     """Plateaus of a record at times t (n,), and how many were too short to be used.
 
     Per actuator (n,): `command` ends a plateau (empty where none is logged), `signal` is what the
-    characteristic is a function of. `load` is (n, actuators) in N; signal and load are NaN between samples.
-    The first `settle_s` seconds of a plateau are left out; messages begin with `where`.
+    characteristic is a function of; `load` (n, axes) in N. NaN stands between samples. The first `settle_s`
+    of a plateau are left out.
     """
     if command:
         starts = _changes([held(x) for x in command.values()])
@@ -240,20 +228,9 @@ def _departures(signals: list[Array]) -> list[int]:
 
 @dataclass(frozen=True)
 class Separated:
-    """One plateau as a point of a single actuator's characteristic.
-
-    Attributes
-    ----------
-    signal, thrust, error
-        Signal in the command's unit, thrust of one actuator in N, its standard error from the samples.
-    weights
-        (a,) thrust per newton on each axis of the cell: also how a zero error of the cell enters.
-    factor
-        Length of G: load of the vehicle per newton of a single actuator.
-    across
-        Load across G in N; zero for one axis.
-    running
-        Actuators that ran.
+    """One plateau as a point of a single actuator's characteristic: thrust in N with its standard error from
+    the samples; `weights` (a,): thrust per newton on each axis of the cell, as a zero error enters too;
+    `factor`: length of G, load per newton of an actuator; `across`: load across G in N.
     """
 
     signal: float
@@ -278,11 +255,9 @@ def force_per_newton(vehicle: Vehicle, axes: str) -> dict[str, Array]:
 def separate(
     plateau: Plateau, unit: Unit, geometry: dict[str, Array], *, zero: float, where: str
 ) -> Separated | None:
-    """Point of a plateau without the cell's zero error, None where no actuator of the unit ran.
-
-    `geometry` is that of `force_per_newton`; signals up to `zero` are no signal. Raises TrialError, its
-    message begun with `where`, where another group pulled too, actuators ran with different signals, or what
-    ran does not act on the cell.
+    """Point of a plateau without the cell's zero error, None where no actuator of the unit ran; `geometry` is
+    that of `force_per_newton`, signals up to `zero` are none. A TrialError where the load determines no
+    single thrust.
     """
     running = tuple(name for name in unit.actuators if abs(plateau.signal[name]) > zero)
     if not running:

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 
 from seatrial.base.arrays import Array, runs
 from seatrial.base.errors import TrialError
+from seatrial.base.finding import Finding, Severity
 from seatrial.bench_test.file import SENSES, BenchTable, listed, read_bench_table
 from seatrial.bench_test.plateaus import (
     Plateau,
@@ -91,9 +92,8 @@ def settled(vehicle: Vehicle, actuator: str, commands: ArrayLike) -> Array:
 def _signals_of(
     pull: Pull, unit: Unit, vehicle: Vehicle, table: BenchTable, where: str
 ) -> tuple[dict[str, Array], list[str]]:
-    """Per thruster its command or measured signal (n,), and the names of those that are commands yet.
-
-    Measured signals are counted from neutral; of other groups there is only what is logged.
+    """Per thruster its command or measured signal (n,), counted from neutral, and the names of those that are
+    commands yet.
     """
     chosen = table.commands if pull.use == "command" else table.measured
     _refuse_missing(pull, unit, table, chosen, where)
@@ -148,42 +148,25 @@ def _refuse_missing(
         )
 
 
-def repeated(rows: Sequence[Plateau]) -> list[str]:
-    """Warning about a log that was given without its time, from its rows."""
+def _repeated(name: str, rows: Sequence[Plateau]) -> list[Finding]:
+    """That a log was given without its time, from its rows."""
     table = np.array([list(row.signal.values()) for row in rows])
     same = (np.diff(table, axis=0) == 0.0).all(axis=1) & (table[1:] != 0.0).any(axis=1)
     longest = 1 + max((end - start for start, end in runs(same)), default=0)
     if longest < SETTINGS.log_rows:
         return []
-    return [
-        f"WARNING: {longest} rows in a row have the same signal; if this is a log, map its time as t_s: its"
-        " samples err alike, and intervals of rows taken as points are too narrow"
-    ]
+    return [Finding("log without time", Severity.PROBLEM, name, {"rows": longest})]
 
 
 @dataclass(frozen=True, eq=False)
 class PullPoints:
-    """Points (n,) of one record.
+    """Points (n,) of one record: signal in the command's unit from neutral, thrust of a single actuator in N,
+    supply in V (NaN where it is not known), standard error of the thrust from its samples in N (NaN
+    without time).
 
-    Attributes
-    ----------
-    name, file
-        Of the pull.
-    signal, thrust, voltage, error
-        Signal in the command's unit, from neutral; thrust of a single actuator, N; supply voltage, V, NaN
-        where it is not known; standard error of the thrust from its samples, N, NaN in a table without time.
-    labels, running
-        Row or interval of each, and the actuators that ran.
-    zero_effect, zero_error
-        Thrust per newton of zero error (n, a), and the standard error of the tare (a,) in N.
-    rests
-        Steady parts at zero signal behind the tare; none where nothing was subtracted.
-    tare
-        What was subtracted from the load (a,) in N; None where nothing was.
-    factors
-        Load of the vehicle per newton of a single actuator, one per set of actuators that ran.
-    notes
-        Sentences.
+    `zero_effect` (n, a) is the thrust per newton of zero error of the cell, `zero_error` (a,) the standard
+    error of the `tare` (a,) in N, from so many `rests`; None and 0 where nothing was subtracted. `factors`:
+    load of the vehicle per newton of one actuator, by the actuators that ran.
     """
 
     name: str
@@ -200,6 +183,7 @@ class PullPoints:
     tare: Array | None
     factors: dict[tuple[str, ...], float]
     notes: tuple[str, ...]
+    doubts: tuple[Finding, ...]
 
 
 def read_pull(
@@ -212,11 +196,8 @@ def read_pull(
     reader: str | None = None,
     columns: dict[str, Any] | None = None,
 ) -> PullPoints:
-    """Points of a pull, an entry of the bench file, from its file at `path`.
-
-    `reader` and `columns` are those of the whole bench file; the pull's own have precedence. Raises
-    TrialError, its message begun with `where`, where the record cannot be read or determines no single
-    thrust.
+    """Points of a pull from its file; `reader` and `columns` are those of the whole bench file, the pull's
+    own have precedence. A TrialError, begun with `where`, where the record determines no single thrust.
     """
     table = read_bench_table(
         path, vehicle, reader=pull.reader or reader, columns=(columns or {}) | pull.columns
@@ -246,7 +227,7 @@ def read_pull(
         notes += [f"{left} plateaus too short to be steady left out"] if left else []
     # Thrust is a function of what the motor settles at, not of the command.
     steady = _behind_motors(steady, vehicle, commanded)
-    notes += repeated(steady) if table.t is None else []
+    doubts = _repeated(pull.name, steady) if table.t is None else []
     limit = max(largest(vehicle.actuator_info()[name], 1.0) for name in unit.actuators)
     zero = (
         SETTINGS.zero_measured_share
@@ -274,17 +255,23 @@ def read_pull(
                 else f"every command of {unit.name} is zero"
             )
         )
-    return _gathered(pull, table.file, points, tare, tare_error, len(resting), notes)
+    gathered = _gathered(pull, table.file, points, tare_error, notes)
+    doubts += _across(pull.name, [point for _, point in points])
+    return replace(gathered, tare=tare, rests=0 if tare is None else len(resting), doubts=tuple(doubts))
+
+
+def _across(name: str, points: Sequence[Separated]) -> list[Finding]:
+    """That much of the load acts across the direction of the vehicle file."""
+    # Across weak pulls noise alone makes a large share.
+    strong = [p for p in points if abs(p.thrust) > 0.3 * max(abs(q.thrust) for q in points)]
+    share = max(p.across / (abs(p.thrust) * p.factor) for p in strong)
+    if share <= 0.05:
+        return []
+    return [Finding("load across", Severity.PROBLEM, name, {"share_percent": 100.0 * share})]
 
 
 def _gathered(
-    pull: Pull,
-    file: str,
-    points: Sequence[tuple[Plateau, Separated]],
-    tare: Array | None,
-    tare_error: Array,
-    rests: int,
-    notes: list[str],
+    pull: Pull, file: str, points: Sequence[tuple[Plateau, Separated]], tare_error: Array, notes: list[str]
 ) -> PullPoints:
     drifting = [plateau.label for plateau, _ in points if plateau.drifting]
     if drifting:
@@ -298,14 +285,6 @@ def _gathered(
             f"{file}: the load is the same at rest and under every command; expected a force that answers the"
             " commands, so check the load cell's column"
         )
-    # Across weak pulls noise alone makes a large share.
-    strong = [p for p in separated if abs(p.thrust) > 0.3 * max(abs(q.thrust) for q in separated)]
-    across = max(p.across / (abs(p.thrust) * p.factor) for p in strong)
-    if across > 0.05:
-        notes.append(
-            f"WARNING: {100.0 * across:.0f} % of the load acts across the direction of the vehicle file;"
-            " check direction of the actuators and alignment of the cell"
-        )
     return PullPoints(
         name=pull.name,
         file=file,
@@ -317,10 +296,11 @@ def _gathered(
         running=tuple(p.running for p in separated),
         zero_effect=np.array([p.weights for p in separated]),
         zero_error=tare_error,
-        rests=0 if tare is None else rests,
-        tare=tare,
+        rests=0,
+        tare=None,
         factors={p.running: p.factor for p in separated},
         notes=tuple(notes),
+        doubts=(),
     )
 
 
@@ -378,11 +358,9 @@ def _tare(
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Points (n,) of a group: signal in the command's unit, thrust of one actuator in N, voltage in V.
-
-    ``pull`` names the pull of each, ``label`` file and row or time, ``running`` the actuators. ``zero``
-    (n, m) is the thrust per newton of zero error of each cell, ``zero_error`` (m,) the tares' standard errors
-    in N from their samples, ``rests`` (m,) the steady parts behind each tare.
+    """Points (n,) of a group, with the names of pull and place of each. ``zero`` (n, m) is the thrust per
+    newton of zero error of each cell, ``zero_error`` (m,) the tares' standard errors in N, ``rests`` (m,)
+    the steady parts behind each tare.
     """
 
     signal: Array
@@ -415,10 +393,9 @@ class Points:
         )
 
     def zero_columns(self, sigma: float) -> Array:
-        """Columns (n, m) of one standard deviation each of the tares' errors.
-
-        A plateau at rest repeats no better than the others, so that the scatter ``sigma`` in N of the points
-        about the curve, over the root of the number of rests, is the least that a tare may err by.
+        """Columns (n, m) of one standard deviation each of the tares' errors: at least what the points
+        scatter by, ``sigma`` in N, over the root of the number of rests, as a plateau at rest repeats no
+        better than the others.
         """
         per_newton = np.abs(self.zero).max(axis=0, initial=0.0)
         repeated = sigma / np.maximum(per_newton, 1e-12) / np.sqrt(np.maximum(self.rests, 1.0))

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.errors import VehicleError
+from seatrial.base.finding import Finding, Severity
 from seatrial.bench_test.characteristic import SIDES, DirectionFit, UnitFit
 
 if TYPE_CHECKING:
@@ -43,99 +44,71 @@ _UNTESTED = "not tested, kept"
 def _entry_of(
     fit: UnitFit, old: Mapping[str, Any], users: Sequence[str], vehicle: Vehicle, rho: float | None
 ) -> tuple[dict[str, Any], dict[str, str]]:
-    """Keys of the new entry, and remarks by key (standard deviations, what was kept).
-
-    It replaces `old`, which the tested `users` share; `rho` is the density of the test's water, kg/m³, the
-    vehicle's where omitted. Raises VehicleError where a direction was not tested, and the old entry has no
-    regression to keep for it or one that was corrected for each actuator differently.
+    """Keys of the new entry in place of `old`, which the tested `users` share, and remarks by key (standard
+    deviations, what was kept); `rho` is the density of the test's water, kg/m³. A VehicleError where an
+    untested direction has nothing to keep.
     """
     factor = 1.0 if rho is None else vehicle.environment()["rho"] / rho
     factor /= 1.0 - vehicle.coefficients().get(f"{users[0]}.t", 0.0)
     if fit.kind == "table":
         return _table(fit, users, vehicle, factor)
-    kept = {key: old[key] for key in _KEPT if key in old}
-    if fit.kind == "quadratic":
-        return _quadratic(fit, old, kept, users, vehicle, factor)
-    return _polynomial(fit, old, kept, users, vehicle, factor)
-
-
-def _quadratic(
-    fit: UnitFit,
-    old: Mapping[str, Any],
-    kept: dict[str, Any],
-    users: Sequence[str],
-    vehicle: Vehicle,
-    factor: float,
-) -> tuple[dict[str, Any], dict[str, str]]:
-    """``p1 |n| n``, or the alpha form where the old entry has it."""
-    alpha = "alpha1_ahead" in old or "alpha2" in old
+    # Quadratic: ``p1 |n| n``, or the alpha form where the old entry has it; else ``a0 + a1 s + a11 s^2``.
+    quadratic = fit.kind == "quadratic"
+    alpha = quadratic and ("alpha1_ahead" in old or "alpha2" in old)
     divisor = vehicle.environment()["rho"] * float(old["diameter_m"]) ** 4 if alpha else 1.0
-    name = "alpha1" if alpha else "p1"
-    entry: dict[str, Any] = {"kind": "quadratic"}
-    remarks = {}
+    prefix = "alpha1_" if alpha else "p1_" if quadratic else ""
+    scale = PER_MINUTE * factor / divisor if quadratic else factor
+    entry: dict[str, Any] = {"kind": fit.kind}
+    remarks: dict[str, str] = {}
     for side in SIDES:
-        regression, key = fit.directions.get(side), f"{name}_{side}"
-        if regression is None and _unreachable(users, side, vehicle):
-            entry[key], remarks[key] = 0.0, _UNREACHABLE
-            continue
-        if regression is None:
-            if f"{name}_ahead" not in old:
-                raise VehicleError(
-                    f"{side} was not tested and the old characteristic has no p1 to keep; pull {side} too"
-                )
-            # Without its own number astern would follow the new one ahead.
-            written = float(old.get(key, old[f"{name}_ahead"]))
-            entry[key] = _unchanged(written, _old_thrust(users, "p1", side, vehicle) / divisor)
-            remarks[key] = _UNTESTED
-            continue
-        scale = PER_MINUTE * factor / divisor
-        entry[key] = _rounded(float(regression.fit.coefficients[0]) * scale)
-        remarks[key] = f"+- {float(regression.fit.standard_deviations[0]) * scale:.2g}"
-    return entry | kept, remarks
-
-
-def _polynomial(
-    fit: UnitFit,
-    old: Mapping[str, Any],
-    kept: dict[str, Any],
-    users: Sequence[str],
-    vehicle: Vehicle,
-    factor: float,
-) -> tuple[dict[str, Any], dict[str, str]]:
-    """``F = a0 + a1 s + a11 s^2`` per direction."""
-    entry: dict[str, Any] = {"kind": "polynomial"}
-    remarks = {}
-    for side in SIDES:
-        regression = fit.directions.get(side)
+        key, regression = f"{prefix}{side}", fit.directions.get(side)
         if regression is not None:
-            entry[side] = [_rounded(factor * x) for x in _padded(regression, regression.fit.coefficients)]
-            deviations = _padded(regression, regression.fit.standard_deviations)
-            remarks[side] = "+- " + ", ".join(f"{factor * x:.2g}" for x in deviations)
-        elif _unreachable(users, side, vehicle):
-            entry[side], remarks[side] = [0.0, 0.0, 0.0], _UNREACHABLE
-        elif old.get("kind") == "polynomial":
-            entry[side] = [
-                _unchanged(float(written), _old_thrust(users, name, side, vehicle))
-                for name, written in zip(_TERMS, old[side], strict=True)
+            fitted = regression.fit
+            rows = [
+                values[:1] if quadratic else _padded(regression, values)
+                for values in (fitted.coefficients, fitted.standard_deviations)
             ]
-            remarks[side] = _UNTESTED
-        elif old.get("kind") == "quadratic":
-            p1 = _old_thrust(users, "p1", side, vehicle)
-            entry[side], remarks[side] = [0.0, 0.0, _rounded(p1 / PER_MINUTE)], _UNTESTED
+            row = [_rounded(float(x) * scale) for x in rows[0]]
+            remarks[key] = "+- " + ", ".join(f"{float(x) * scale:.2g}" for x in rows[1])
+        elif _unreachable(users, side, vehicle):
+            row, remarks[key] = [0.0] * (1 if quadratic else 3), _UNREACHABLE
         else:
-            raise VehicleError(
-                f'{side} was not tested and the old characteristic (kind = "{old.get("kind")}") has no'
-                f" regression to keep; pull {side} too"
-            )
-    if "alpha2" not in kept:
+            row, remarks[key] = _untested(old, prefix, side, users, vehicle, divisor), _UNTESTED
+        entry[key] = row[0] if quadratic else row
+    kept = {key: old[key] for key in _KEPT if key in old}
+    if not quadratic and "alpha2" not in kept:
         kept.pop("diameter_m", None)  # it is for alpha2
     return entry | kept, remarks
 
 
-def _old_thrust(users: Sequence[str], name: str, side: str, vehicle: Vehicle) -> float:
-    """Coefficient of the thrust in one direction as the vehicle has it, with gain and astern_ratio.
+def _untested(
+    old: Mapping[str, Any], prefix: str, side: str, users: Sequence[str], vehicle: Vehicle, divisor: float
+) -> list[float]:
+    """Numbers of a direction that was not tested, from the old entry with its corrections."""
+    if prefix and f"{prefix}ahead" not in old:
+        raise VehicleError(
+            f"{side} was not tested and the old characteristic has no p1 to keep; pull {side} too"
+        )
+    if prefix:
+        # Without its own number astern would follow the new one ahead.
+        written = float(old.get(f"{prefix}{side}", old[f"{prefix}ahead"]))
+        return [_unchanged(written, _old_thrust(users, "p1", side, vehicle) / divisor)]
+    if old.get("kind") == "polynomial":
+        return [
+            _unchanged(float(written), _old_thrust(users, name, side, vehicle))
+            for name, written in zip(_TERMS, old[side], strict=True)
+        ]
+    if old.get("kind") == "quadratic":
+        return [0.0, 0.0, _rounded(_old_thrust(users, "p1", side, vehicle) / PER_MINUTE)]
+    raise VehicleError(
+        f'{side} was not tested and the old characteristic (kind = "{old.get("kind")}") has no'
+        f" regression to keep; pull {side} too"
+    )
 
-    A `VehicleError` where the actuators that share the entry have different ones.
+
+def _old_thrust(users: Sequence[str], name: str, side: str, vehicle: Vehicle) -> float:
+    """Coefficient of the thrust in one direction as the vehicle has it, with gain and astern_ratio; a
+    `VehicleError` where the actuators that share the entry have different ones.
     """
     values = vehicle.coefficients()
     each = [
@@ -199,11 +172,12 @@ _REPLACED = re.compile(r"(gain|astern_ratio|p1_ahead|p1_astern|a(0|1|11)_(ahead|
 
 @dataclass(frozen=True)
 class Written:
-    """Text of the file, the sentences on what was changed, and the groups that could not be written."""
+    """Text of the file, sentences on what was changed, what was lost, and groups that were not written."""
 
     text: str
     notes: tuple[str, ...]
-    refused: tuple[str, ...]
+    lost: tuple[Finding, ...]
+    refused: tuple[Finding, ...]
 
 
 def write_results(
@@ -215,16 +189,15 @@ def write_results(
     name: str,
     rho: float | None = None,
 ) -> Written:
-    """Vehicle file `text`, which says `vehicle`, with fitted characteristics and motors.
-
-    `motors`: per group its actuators and the keys of their motor's entry. `name` is the bench test's, for the
-    remarks, `rho` the density of its water, kg/m³.
+    """Vehicle file `text`, which says `vehicle`, with fitted characteristics and motors (per group its
+    actuators and keys); `name` and `rho` are the bench test's, and the density of its water, kg/m³.
     """
     import tomlkit
 
     document: Any = tomlkit.parse(text)
     notes: list[str] = []
-    refused: list[str] = []
+    refused: list[Finding] = []
+    lost: list[Finding] = []
     for fit in fits:
         members = fit.unit.actuators
         try:
@@ -235,7 +208,7 @@ def write_results(
                 for old in (document["characteristics"][old_name].unwrap(),)
             ]
         except VehicleError as error:
-            refused.append(f"{fit.unit.name} is not written into the vehicle file: {error}")
+            refused.append(Finding("not written", Severity.PROBLEM, fit.unit.name, {"why": str(error)}))
             continue
         for old_name, users, old, (entry, remarks) in made:
             new = _own_entry(document, "characteristics", "characteristic", old_name, users, fit.unit.name)
@@ -246,11 +219,9 @@ def write_results(
                 for side in SIDES
                 if any(remark == _UNTESTED and key.endswith(side) for key, remark in remarks.items())
             ]
-            lost = sorted(key for key in ("p2", "alpha2") if old.get(key) and key not in entry)
-            if lost:
-                notes.append(
-                    f"WARNING: kind {fit.kind} knows no inflow: {', '.join(lost)} of {old_name} dropped"
-                )
+            if inflow := sorted(key for key in ("p2", "alpha2") if old.get(key) and key not in entry):
+                values = {"kind": fit.kind, "keys": ", ".join(inflow)}
+                lost.append(Finding("inflow dropped", Severity.WEAKNESS, old_name, values))
         removed = _remove_factors(document, members)
         if removed:
             notes.append(f"removed from [coefficients], which the test replaces: {', '.join(removed)}")
@@ -259,7 +230,7 @@ def write_results(
             new = _own_entry(document, "motors", "motor", old_name, users, unit)
             _put(document["motors"][new], keys, {}, name, drop=False)
             notes.append(_said("motor", old_name, new, unit, ", ".join(keys)))
-    return Written(tomlkit.dumps(document), tuple(notes), tuple(refused))
+    return Written(tomlkit.dumps(document), tuple(notes), tuple(lost), tuple(refused))
 
 
 def _entries(document: Any, key: str, members: Sequence[str]) -> dict[str, list[str]]:

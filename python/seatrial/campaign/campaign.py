@@ -25,7 +25,7 @@ from seatrial.trial.corrections import merged, refuse_far
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
     from seatrial.base.work import Progress
-    from seatrial.bench_test.result import BenchTest
+    from seatrial.bench_test.evaluate import BenchTest
     from seatrial.flight.mission import Mission
     from seatrial.identification.fitted import Fitted
     from seatrial.identification.identification import Identification
@@ -44,7 +44,7 @@ class Campaign:
     """A checked campaign: vehicle, trials (read when first asked for), stages in the order of their run.
 
     Made by `load` or `from_toml`. ``vehicle`` is the vehicle as the bench test left it, ``bench`` that test
-    (`seatrial.bench_test.result.BenchTest`, None without one).
+    (`seatrial.bench_test.evaluate.BenchTest`, None without one).
 
     Parameters
     ----------

@@ -21,7 +21,6 @@ from seatrial.base.plain import Plain
 from seatrial.base.report import Report, clause_of, report_of, writer_of
 from seatrial.check.file_check import FileCheck, note, warning
 from seatrial.control_design.margin_report import MarginRow, autopilot_margins, sound_speeds
-from seatrial.control_design.mode_table import top_speeds
 from seatrial.control_design.operating_points import (
     AutopilotFacts,
     AutopilotMode,
@@ -29,8 +28,9 @@ from seatrial.control_design.operating_points import (
     mode_at,
     reachable_points,
     refuse_misfit,
+    top_speeds,
 )
-from seatrial.control_design.start_guidance import least_lookahead_of, lookahead_share
+from seatrial.control_design.start_autopilot import least_lookahead_of, lookahead_share
 from seatrial.flight.mismatch import mismatch
 from seatrial.vehicle.actuators import LOOPS, NOMINAL_V, ROWS, reach, thrusts
 from seatrial.vehicle.stability import statics

@@ -397,7 +397,7 @@ def _fly_beforehand(
     when omitted); without any, why there are none.
     """
     from seatrial.flight.conditions import Conditions, Water
-    from seatrial.flight.fly import fly
+    from seatrial.flight.flight import fly
 
     if mission.planned_time > SETTINGS.longest_flown_s:
         return (), [note("too long to fly", longest_h=SETTINGS.longest_flown_s / 3600.0)]

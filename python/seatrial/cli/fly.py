@@ -36,8 +36,7 @@ if TYPE_CHECKING:
 
     from seatrial.base.run import RunDirectory
     from seatrial.flight.conditions import Conditions
-    from seatrial.flight.flight import Flight
-    from seatrial.flight.fly import Seeds
+    from seatrial.flight.flight import Flight, Seeds
     from seatrial.realtime.ardupilot_link import SitlSession
 
 Flies = Annotated[str, typer.Argument(help="Vehicle file or built-in vehicle that flies.")]
@@ -70,7 +69,7 @@ class Circumstances(Aboard):
 
     def of_flight(self) -> Conditions:
         """The conditions that were asked for."""
-        from seatrial.flight.failures import Fault, Outage
+        from seatrial.flight.disturbances import Fault, Outage
 
         return self.conditions(
             faults=[Fault.parse(text) for text in self.fault or []],
@@ -117,8 +116,8 @@ def fly(
     """
     from seatrial.base.run import RunDirectory
     from seatrial.cli.console import reported
-    from seatrial.flight.fly import fly as flown
-    from seatrial.flight.fly import fly_seeds
+    from seatrial.flight.flight import fly as flown
+    from seatrial.flight.flight import fly_seeds
 
     sources = (vehicle, autopilot, mission)
     water = sea.water()

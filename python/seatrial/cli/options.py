@@ -238,7 +238,7 @@ class Sea:
     def water(self) -> Water:
         """The water that was asked for."""
         from seatrial.flight.conditions import Water
-        from seatrial.flight.sea import SeaState
+        from seatrial.flight.disturbances import SeaState
 
         return Water(
             current=self.current,

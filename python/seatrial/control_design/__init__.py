@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from seatrial.control_design.lqr import lqr_autopilot as lqr_autopilot
     from seatrial.control_design.margin_report import autopilot_margins as autopilot_margins
     from seatrial.control_design.margin_report import sound_speeds as sound_speeds
-    from seatrial.control_design.pole_placement import physical_gains as physical_gains
+    from seatrial.control_design.start_gains import physical_gains as physical_gains
 
 __all__ = ["Tolerances", "autopilot_margins", "design_lqr", "lqr_autopilot", "physical_gains", "sound_speeds"]
 
@@ -24,7 +24,7 @@ if not TYPE_CHECKING:  # a type checker would take any misspelt name for `object
             "autopilot_margins": "margin_report",
             "design_lqr": "lqr",
             "lqr_autopilot": "lqr",
-            "physical_gains": "pole_placement",
+            "physical_gains": "start_gains",
             "sound_speeds": "margin_report",
         },
     )

@@ -34,7 +34,7 @@ class CorridorSettings:
     same_time_s: float = 1e-9
 
 
-CORRIDOR_SETTINGS = CorridorSettings()
+SETTINGS = CorridorSettings()
 
 _ORDERED = ("rise_s", "settling_s", "settled", "steady")
 
@@ -43,20 +43,10 @@ _ORDERED = ("rise_s", "settling_s", "settled", "steady")
 class Corridor:
     """Bounds of a normalised set-point response, with a weight per side.
 
-    Parameters
-    ----------
-    lower, upper : sequence of (float, float)
-        Points (time since the step in s, share of the step) of a bound, by rising time; equal times are a
-        jump. An empty bound is none.
-    weight_lower, weight_upper : float
-        Weights of a shortfall and of an excess, at least 0.
-    target : float
-        What the normalised response goes to: 1 for a step, 0 for a channel that stays.
-
-    Raises
-    ------
-    CampaignError
-        Times that fall or begin before the step, bounds that cross, or weights below zero.
+    `lower`, `upper`: points (time since the step in s, share of the step) of a bound, by rising time; equal
+    times are a jump, an empty bound is none. `target`: what the response goes to, 1 for a step, 0 for a
+    channel that stays. Raises CampaignError for times that fall or begin before the step, bounds that cross,
+    or weights below zero.
 
     Examples
     --------
@@ -107,33 +97,12 @@ class Corridor:
     ) -> Corridor:
         """Corridor of a step response by its usual figures: a staircase below and above.
 
-        Parameters
-        ----------
-        rise_s : float
-            By then 90 % of the step are reached, and not left again.
-        overshoot : float
-            Largest excess, as a share of the step.
-        settling_s : float, optional
-            From then on the response stays within ``settled``; twice ``rise_s`` where it is not given.
-        settled : float
-            Half-width of the band from ``settling_s`` on, 0.1 at most; an overshoot that is less bounds it
-            above.
-        steady : float, optional
-            Half-width at the end: the band narrows to it over half the time from ``settling_s`` to
-            ``until_s``. As ``settled`` where it is not given.
-        until_s : float, optional
-            End of the corridor; twice ``settling_s`` where it is not given.
-        undershoot : float
-            How far the response may go the wrong way before it has risen, as a share of the step.
-        dead_s : float
-            Dead time, from the end of which ``rise_s`` and ``settling_s`` count; ``until_s`` does not.
-        weight_lower, weight_upper : float
-            Weights of a shortfall and of an excess.
-
-        Raises
-        ------
-        CampaignError
-            Figures that are out of range or contradict each other.
+        By `rise_s` 90 % of the step are reached, and not left again; from `settling_s` on (by default twice
+        that) the response stays within `settled`, 0.1 at most, narrowing to `steady` over half the time to
+        `until_s`, the end (by default twice `settling_s`). An `overshoot` that is less bounds it above;
+        `undershoot` is the way that it may go wrong before it has risen. Rise and settling count from the end
+        of the dead time `dead_s`. Shares are of the step. Raises CampaignError for figures that are out of
+        range or contradict each other.
 
         Examples
         --------
@@ -144,9 +113,9 @@ class Corridor:
         >>> upper.round(2).tolist()
         [1.1, 1.1, 1.05, 1.03, 1.03]
         """
-        settling_s = CORRIDOR_SETTINGS.settling_ratio * rise_s if settling_s is None else settling_s
+        settling_s = SETTINGS.settling_ratio * rise_s if settling_s is None else settling_s
         risen, settles = dead_s + rise_s, dead_s + settling_s
-        until_s = CORRIDOR_SETTINGS.end_ratio * settles if until_s is None else until_s
+        until_s = SETTINGS.end_ratio * settles if until_s is None else until_s
         steady = settled if steady is None else steady
         _refuse_figures(
             {"rise_s": rise_s, "settling_s": settling_s, "until_s": until_s}
@@ -166,8 +135,8 @@ class Corridor:
             lower=(
                 (0.0, -undershoot),
                 (risen, -undershoot),
-                (risen, CORRIDOR_SETTINGS.risen_share),
-                (settles, CORRIDOR_SETTINGS.risen_share),
+                (risen, SETTINGS.risen_share),
+                (settles, SETTINGS.risen_share),
                 (settles, 1.0 - settled),
                 (half, 1.0 - steady),
                 (until_s, 1.0 - steady),
@@ -187,20 +156,9 @@ class Corridor:
     def beside(cls, half_width: float = 1.0, *, until_s: float, weight: float = 1.0) -> Corridor:
         """Corridor of a channel that stays at its set point while another one steps: a band about 0.
 
-        Parameters
-        ----------
-        half_width : float
-            In the unit of the response. 1 where the deviation is divided by the half-width: what then
-            leaves the band counts alike whatever the channel's unit.
-        until_s : float
-            End of the corridor, s since the step.
-        weight : float
-            Weight of both sides.
-
-        Raises
-        ------
-        CampaignError
-            A half-width or an end that is not above zero.
+        The half-width is in the unit of the response: 1 where the deviation is divided by it, so that what
+        leaves the band counts alike whatever the channel's unit. Raises CampaignError where it or the end is
+        not above zero.
 
         Examples
         --------
@@ -223,9 +181,8 @@ class Corridor:
         return max(points[-1][0] for points in (self.lower, self.upper) if points)
 
     def sampled(self, t: ArrayLike) -> tuple[Array, Array]:
-        """Lower and upper bound (n,) at times (n,) in s since the step, infinite where there is none.
-
-        Before the step and after ``until_s`` there are no bounds. A time within 1 ns of a jump is at it.
+        """Lower and upper bound (n,) at times (n,) in s since the step, infinite where there is none: before
+        the step and after ``until_s``. A time within 1 ns of a jump is at it.
         """
         at = np.asarray(t, dtype=float)
         return self._side(self.lower, at, -np.inf), self._side(self.upper, at, np.inf)
@@ -233,25 +190,25 @@ class Corridor:
     def clock(self, t: ArrayLike) -> Array:
         """Time since the step (n,) in s that the tie-breaker weighs by: 0 before it and after ``until_s``."""
         at = np.asarray(t, dtype=float)
-        return np.where((at >= 0.0) & (at <= self.until_s + CORRIDOR_SETTINGS.same_time_s), at, 0.0)
+        return np.where((at >= 0.0) & (at <= self.until_s + SETTINGS.same_time_s), at, 0.0)
 
     def _side(self, points: Sequence[tuple[float, float]], at: Array, none: float) -> Array:
         if not points:
             return np.full(at.shape, none)
         times, values = np.array(points).T
-        late = at + CORRIDOR_SETTINGS.same_time_s
+        late = at + SETTINGS.same_time_s
         after = np.searchsorted(times, late, side="right")
         low, high = np.maximum(after - 1, 0), np.minimum(after, len(times) - 1)
         span = times[high] - times[low]
         share = np.clip((at - times[low]) / np.where(span > 0.0, span, 1.0), 0.0, 1.0)
         bound = values[low] + share * (values[high] - values[low])
-        return np.where((after > 0) & (at <= self.until_s + CORRIDOR_SETTINGS.same_time_s), bound, none)
+        return np.where((after > 0) & (at <= self.until_s + SETTINGS.same_time_s), bound, none)
 
     def _refuse_crossing(self) -> None:
         """Refuse bounds that cross: straight lines do so at a point or just before a jump."""
         times = np.unique([time for points in (self.lower, self.upper) for time, _ in points])
         # Just before a jump the earlier value holds, at it the later one.
-        for at in np.sort(np.concatenate([times, times[times > 0.0] - 2.0 * CORRIDOR_SETTINGS.same_time_s])):
+        for at in np.sort(np.concatenate([times, times[times > 0.0] - 2.0 * SETTINGS.same_time_s])):
             lower, upper = (float(side) for side in self.sampled(at))
             if lower >= upper:
                 raise CampaignError(
@@ -289,7 +246,7 @@ def _refuse_figures(above_zero: dict[str, float], from_zero: dict[str, float]) -
         raise CampaignError(
             f"settling_s = {settling_s:g} is before rise_s = {rise_s:g}; a response first rises, then settles"
         )
-    if settled > 1.0 - CORRIDOR_SETTINGS.risen_share + 1e-12:
+    if settled > 1.0 - SETTINGS.risen_share + 1e-12:
         raise CampaignError(f"settled = {settled:g} is wider than the 0.1 that the rise to 90 % leaves")
     if steady > settled:
         raise CampaignError(

@@ -9,7 +9,7 @@ tests/control_design/test_control_design.py.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -38,14 +38,22 @@ class LinearMotionSettings:
     tangent_step_m_s: float = 1e-5
 
 
-LINEAR_MOTION_SETTINGS = LinearMotionSettings()
+SETTINGS = LinearMotionSettings()
+
+
+ROW_OF, LOOP_OF = dict(zip(LOOPS, ROWS, strict=True)), dict(zip(ROWS, LOOPS, strict=True))
+"""The row of the wrench that a loop commands, and the loop of a row."""
+
+
+def rows_of(loops: Collection[str]) -> str:
+    """Rows of the wrench that some loops command, in their order."""
+    return "".join(row for row, loop in LOOP_OF.items() if loop in loops)
 
 
 @dataclass(frozen=True)
 class Trim:
-    """Attitude (3,) roll, pitch, yaw in rad, nu (6,) in m/s and rad/s, and wrench tau (6,) of the actuators.
-
-    ``rows`` are the commanded ones; the others of ``tau`` are what the actuators at work bring along.
+    """Attitude (3,) roll, pitch, yaw in rad, nu (6,) in m/s and rad/s, and wrench tau (6,) of the actuators:
+    of ``rows`` what is commanded, of the others what comes along.
     """
 
     speed_m_s: float
@@ -67,13 +75,10 @@ def trim(
 ) -> Trim | None:
     """Straight flight at constant depth and speed over ground in still water; None where there is none.
 
-    The rows that are commanded take what the motion needs, whether or not the actuators reach it
-    (`seatrial.vehicle.actuators`). Each other row needs an angle that brings its own force to zero: pitch for
-    the heave force, drift for the sway force, heel for the roll moment. What the actuators bring along with
-    the commanded rows counts.
-
-    `speed_m_s`: horizontal speed, m/s; negative is astern; `rows`: commanded rows of the wrench, letters of
-    XYZKMN; `actuators`: those at work; all by default.
+    The commanded `rows` (letters of XYZKMN) take what the motion needs, whether or not the actuators reach
+    it. Each other row needs an angle that brings its own force to zero: pitch for the heave force, drift for
+    the sway force, heel for the roll moment. What the actuators (all by default) bring along counts. A
+    negative speed is astern.
 
     Examples
     --------
@@ -116,8 +121,8 @@ def trim(
         solution = least_squares(residual, solution, bounds=(-1.5, 1.5), xtol=1e-14, ftol=1e-14, gtol=1e-14).x
     left = residual(solution)
     if (
-        np.abs(left).max(initial=0.0) > LINEAR_MOTION_SETTINGS.balanced_share
-        or np.abs(solution).max(initial=0.0) > LINEAR_MOTION_SETTINGS.largest_angle_rad
+        np.abs(left).max(initial=0.0) > SETTINGS.balanced_share
+        or np.abs(solution).max(initial=0.0) > SETTINGS.largest_angle_rad
     ):
         return None
     return flight(solution)
@@ -143,8 +148,24 @@ STATES = ("z", "roll", "pitch", "heading", "u", "v", "w", "p", "q", "r",
 
 PLAIN = 10  # states of the motion, before the integrals: depth, three angles, six velocities
 
+HELD = {"surge": 4, "sway": 5, "heave": 0, "roll": 1, "pitch": 2, "heading": 3}
+"""Per loop the state that it holds, as a column of K."""
+
+RATE = {"heave": 6, "roll": 7, "pitch": 8, "heading": 9}
+"""Per position loop the rate of that state."""
+
 INTEGRATED = {"surge": (4, 10), "sway": (5, 11), "heave": (0, 12), "pitch": (2, 13), "heading": (3, 14)}
 """Per loop the state that is integrated and its integral, as columns of K."""
+
+
+@dataclass(frozen=True)
+class LoopGain:
+    """K_P in N or N m per unit of the error (m/s, m, rad), K_I per s, K_D times s; bandwidth in rad/s."""
+
+    k_p: float
+    k_i: float
+    k_d: float
+    bandwidth: float
 
 
 @dataclass(frozen=True)
@@ -159,9 +180,8 @@ class Plant:
 
 @dataclass(frozen=True)
 class Sampled:
-    """One step x+ = phi x + gamma tau of [plant, lags, past demands, integrals].
-
-    ``columns`` (m,) of K are seen, at the places ``seen`` (m,) of the state.
+    """One step x+ = phi x + gamma tau of [plant, lags, past demands, integrals], whose ``columns`` (m,) of K
+    are seen at the places ``seen`` (m,).
     """
 
     phi: Array
@@ -173,24 +193,18 @@ class Sampled:
 
 
 def plant(
-    vehicle: Vehicle,
-    at: Trim,
-    loops: tuple[str, ...],
-    *,
-    motion: float = LINEAR_MOTION_SETTINGS.small_motion_m_s,
+    vehicle: Vehicle, at: Trim, loops: tuple[str, ...], *, motion: float = SETTINGS.small_motion_m_s
 ) -> Plant:
-    """Linear motion about a trim with the wrench rows of some loops as input.
-
-    Depth and heading are left out where no loop holds them: they act on nothing else. Quadratic damping
-    counts by its secant over a ``motion`` in m/s and rad/s.
+    """Linear motion about a trim with the wrench rows of some loops as input, without the depth and heading
+    that no loop holds. Quadratic damping counts by its secant over a ``motion`` in m/s and rad/s.
     """
     a, _ = vehicle.linearize(at.nu, at.attitude, at.tau, form="euler")
     mass = np.asarray(vehicle.mass_matrix())
     a = np.asarray(a).copy()
-    tangent = _slope(vehicle, at.nu, np.full(6, LINEAR_MOTION_SETTINGS.tangent_step_m_s))
+    tangent = _slope(vehicle, at.nu, np.full(6, SETTINGS.tangent_step_m_s))
     fins = _fin_slope(vehicle, at.nu, motion)
     a[6:, 6:] += np.linalg.solve(mass, _slope(vehicle, at.nu, np.full(6, motion)) - tangent + fins)
-    rows = "".join(ROWS[LOOPS.index(loop)] for loop in LOOPS if loop in loops)
+    rows = rows_of(loops)
     b = np.vstack([np.zeros((6, len(rows))), np.linalg.solve(mass, mixing(vehicle, rows, at.actuators))])
     dropped = {k for k, loop in ((0, "heave"), (3, "heading")) if loop not in loops}
     states = tuple(k for k in range(PLAIN) if k not in dropped)
@@ -259,10 +273,31 @@ def closed(of: Sampled, gain: Array) -> Array:
     return of.phi - of.gamma @ feedback(of, gain)
 
 
-def restoring_law(vehicle: Vehicle, rows: str) -> Array:
-    """The restoring feed-forward at the measured attitude as a law K (6, 15), for roll and pitch near level.
+def kind(loop: str) -> str:
+    """Whether a loop controls a "speed" or a "position"."""
+    return "speed" if loop in ("surge", "sway") else "position"
 
-    It takes the hull's righting stiffness away, as late as the actuators are.
+
+def law(gains: dict[str, LoopGain], speed_m_s: float) -> Array:
+    """The loops as one matrix K (6, 15) of the deviations and integrals, tau = -K x, at a speed ahead: the
+    rate of the depth is ``w - u pitch``.
+    """
+    full = np.zeros((6, len(STATES)))
+    for loop, gain in gains.items():
+        row = LOOPS.index(loop)
+        full[row, HELD[loop]] = gain.k_p
+        if loop in INTEGRATED:
+            full[row, INTEGRATED[loop][1]] = gain.k_i
+        if kind(loop) == "position":
+            full[row, RATE[loop]] = gain.k_d
+        if loop == "heave":
+            full[row, STATES.index("pitch")] -= gain.k_d * speed_m_s
+    return full
+
+
+def restoring_law(vehicle: Vehicle, rows: str) -> Array:
+    """The restoring feed-forward at the measured attitude as a law K (6, 15), for roll and pitch near level:
+    it takes the hull's righting stiffness away, as late as the actuators are.
     """
     size, full = 1e-5, np.zeros((6, len(STATES)))
     for column in (1, 2):
@@ -290,16 +325,14 @@ def responses(of: Sampled, omega: Array) -> NDArray[np.complex128]:
 
 
 def step_response(of: Sampled, gain: Array, loop: str, seconds: float, *, known: float = 0.0) -> Array:
-    """Answer (n,) of a loop's measurement to a unit step of its reference, one sample per period.
-
-    ``known`` is the part of the loop's own gain in K that does not act on the reference, of a feed-forward.
+    """Answer (n,) of a loop's measurement to a unit step of its reference, one sample per period; ``known``
+    is the part of the loop's own gain in K that does not act on the reference, of a feed-forward.
     """
-    column = {"surge": 4, "sway": 5, "heave": 0, "roll": 1, "pitch": 2, "heading": 3}[loop]
     k = feedback(of, gain)
-    place = of.seen[of.columns.index(column)]
+    place = of.seen[of.columns.index(HELD[loop])]
     integral = INTEGRATED.get(loop, (0, -1))[1]
     step, x = of.phi - of.gamma @ k, np.zeros(len(of.phi))
-    drive = of.gamma @ (k[:, place] - known * np.eye(len(k))[of.rows.index(ROWS[LOOPS.index(loop)])])
+    drive = of.gamma @ (k[:, place] - known * np.eye(len(k))[of.rows.index(ROW_OF[loop])])
     if integral in of.columns:
         drive[of.seen[of.columns.index(integral)]] -= of.period_s
     track = []
@@ -312,15 +345,14 @@ def step_response(of: Sampled, gain: Array, loop: str, seconds: float, *, known:
 def reference_drive(
     of: Sampled, laws: tuple[Array, Array], loop: str, harmonic: tuple[complex, float]
 ) -> tuple[Array, NDArray[np.complex128]]:
-    """Closed loop (state, state) and what a filtered reference e^(s t) of a position loop drives (state,).
-
-    ``laws`` are K (6, 15) without and with the feed-forward at the measured attitude; ``harmonic`` is s in
-    1/s and the inertia that is fed forward. Proportional part, rate and acceleration of the reference act.
+    """Closed loop (state, state) and what a filtered reference e^(s t) of a position loop drives (state,), of
+    the ``laws`` K (6, 15) without and with the feed-forward; ``harmonic`` is s in 1/s and the inertia that
+    is fed forward.
     """
     s, inertia = harmonic
     own, fed = laws
     row = LOOPS.index(loop)
-    column, rate = {"heave": (0, 6), "roll": (1, 7), "pitch": (2, 8), "heading": (3, 9)}[loop]
+    column, rate = HELD[loop], RATE[loop]
     # A regulator answers with all of its rows; the acceleration is fed forward in the loop's own.
     rows = [ROWS.index(name) for name in of.rows]
     demand = np.asarray(own[rows, column] + s * own[rows, rate], dtype=complex)

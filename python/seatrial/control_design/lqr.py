@@ -33,16 +33,19 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.control_design.loops import (
+    LOOP_OF,
     STATES,
     Sampled,
     level,
     plant,
     restoring_law,
+    rows_of,
     sampled,
     trim,
     with_law,
 )
 from seatrial.control_design.margins import LawMargins, law_margins, least_margins
+from seatrial.control_design.operating_points import at_work
 from seatrial.vehicle.actuators import LOOPS, ROWS, delays, reach
 
 if TYPE_CHECKING:
@@ -88,23 +91,11 @@ class Tolerances:
 
     def of_states(self) -> Array:
         """Tolerated values (15,) of the states in SI."""
-        roll, pitch, heading, rate = np.deg2rad([
-            self.roll_deg,
-            self.pitch_deg,
-            self.heading_deg,
-            self.rate_deg_s,
-        ])
-        plain = [
-            self.depth_m,
-            roll,
-            pitch,
-            heading,
-            self.surge_m_s,
-            self.sway_m_s,
-            self.heave_m_s,
-            *[rate] * 3,
-        ]
-        integrated = [self.surge_m_s, self.sway_m_s, self.depth_m, pitch, heading]
+        degrees = [self.roll_deg, self.pitch_deg, self.heading_deg, self.rate_deg_s]
+        roll, pitch, heading, rate = np.deg2rad(degrees)
+        speeds = [self.surge_m_s, self.sway_m_s, self.heave_m_s]
+        integrated = [*speeds[:2], self.depth_m, pitch, heading]
+        plain = [self.depth_m, roll, pitch, heading, *speeds, rate, rate, rate]
         return np.array(plain + [self.integral_s * x for x in integrated])
 
 
@@ -112,9 +103,9 @@ class Tolerances:
 class LqrGains:
     """Gains of one mode: gain (points, 6, 15) and margins per point.
 
-    ``dearness`` says per point and row by how much less wrench was tolerated for the sake of the margins,
-    ``trimmed`` whether there was a trim; without, the gain is of level motion at that speed. Where no gain
-    holds the motion with a margin, that of the nearest speed is ``borrowed``; the margins tell what it does.
+    ``dearness``: by how much less wrench was tolerated for the margins, per point and row; ``trimmed``:
+    whether there was a trim, else the gain is of level motion. Where no gain holds the motion with a margin,
+    that of the nearest speed is ``borrowed``; the margins tell what it does.
     """
 
     mode: str
@@ -180,7 +171,7 @@ def design_lqr(
                 f"modes[{name!r}]: expected names among {', '.join(LOOPS)}, found {list(wanted)}"
             )
         loops = tuple(loop for loop in LOOPS if loop in wanted)
-        rows = "".join(ROWS[LOOPS.index(loop)] for loop in loops)
+        rows = rows_of(loops)
         late = delays(vehicle, rows)
         limits = _limits(vehicle, max(speeds_m_s, key=abs), rows, tau_max)
         known = restoring_law(vehicle, rows) if restoring else np.zeros((6, len(STATES)))
@@ -241,9 +232,8 @@ def lqr_tables(gains: Mapping[str, LqrGains], *, tracking_s: float = 5.0) -> lis
 
 
 def _of_rates(gains: LqrGains) -> Array:
-    """Gain (points, 6, 15) as the autopilot uses it: where heave is held, w stands for the rate of the depth.
-
-    That is ``w - u pitch``, so that the rest of what the gain makes of w goes to the pitch.
+    """Gain (points, 6, 15) as the autopilot uses it: where heave is held, w stands for the rate of the depth
+    ``w - u pitch``, so that the rest of what the gain makes of w goes to the pitch.
     """
     rate_gain = gains.gain.copy()
     if "heave" in gains.loops:
@@ -254,10 +244,9 @@ def _of_rates(gains: LqrGains) -> Array:
 def _safe_gain(
     system: Sampled, known: Array, weights: tuple[Tolerances, Array]
 ) -> tuple[Array, LawMargins, tuple[float, ...]]:
-    """Gain (6, 15) with the margins asked for, the margins, and how dear each row had to be.
-
-    ``known`` is the feed-forward as a law; the margins are those of both together. A hull that falls over by
-    itself needs a gain of some size: where no dearness brings the margins, smaller ones must do.
+    """Gain (6, 15) with the margins asked for, the margins, and how dear each row had to be; ``known`` is the
+    feed-forward as a law. Where no dearness brings the margins, as of a hull that falls over, smaller ones
+    must do.
     """
     tolerances, limits = weights
     fed = with_law(system, known)
@@ -310,9 +299,8 @@ def _gain(system: Sampled, tolerances: Tolerances, wrench: Array) -> Array:
 
 
 def _drifting(system: Sampled) -> tuple[int, ...]:
-    """Columns that a current moves although nothing is amiss: sway and heave over ground that no loop holds.
-
-    Of a hull that rolls in its turns, a current across shows in both.
+    """Columns that a current moves although nothing is amiss: sway and heave over ground that no loop
+    holds.
     """
     return tuple(column for column, row in ((5, "Y"), (6, "Z")) if row not in system.rows)
 
@@ -320,16 +308,14 @@ def _drifting(system: Sampled) -> tuple[int, ...]:
 def _limits(vehicle: Vehicle, fastest: float, rows: str, tau_max: Mapping[str, float] | None) -> Array:
     """Largest demand (rows,) in N or N m."""
     if tau_max is not None:
-        missing = [LOOPS[ROWS.index(row)] for row in rows if LOOPS[ROWS.index(row)] not in tau_max]
-        if missing:
+        loops = [LOOP_OF[row] for row in rows]
+        if missing := [loop for loop in loops if loop not in tau_max]:
             raise ValueError(
                 f"tau_max: expected a largest demand for {', '.join(missing)}, found none; add it"
             )
-        return np.array([tau_max[LOOPS[ROWS.index(row)]] for row in rows])
-    reached = {row: 0.5 * float(np.abs(limit).min()) for row, limit in reach(vehicle, fastest, rows).items()}
-    reached |= {
-        row: 0.5 * float(np.abs(reach(vehicle, fastest, rows)[row]).max()) for row in rows if row == "X"
-    }
+        return np.array([tau_max[loop] for loop in loops])
+    sizes = {row: np.abs(limit) for row, limit in reach(vehicle, fastest, rows).items()}
+    reached = {row: 0.5 * float(size.max() if row == "X" else size.min()) for row, size in sizes.items()}
     idle = [row for row, limit in reached.items() if limit < 1e-6]
     if idle:
         raise ValueError(
@@ -381,7 +367,7 @@ def lqr_autopilot(
         autopilot.speeds_m_s,
         {mode["name"]: mode["loop_names"] for mode in autopilot.modes},
         actuators={
-            mode["name"]: _actuators(vehicle, mode["actuators"])
+            mode["name"]: at_work(vehicle, mode["actuators"]) or ()
             for mode in autopilot.modes
             if mode["actuators"] is not None
         },
@@ -390,14 +376,9 @@ def lqr_autopilot(
         restoring=autopilot.feed_forward()["restoring"],
         period_s=autopilot.period_s,
     )
+    # The text stays as it was written, comments included: one key changes, and the gains are put behind.
     switched, replaced = re.subn(r"(?m)^control\s*=.*$", 'control = "lqr"', text, count=1)
     if not replaced:
         switched = re.sub(r"(?m)^period_s", 'control = "lqr"\nperiod_s', text, count=1)
     tables = tomlkit.dumps({"lqr": lqr_tables(gains, tracking_s=tracking_s)})
     return f"{switched.rstrip()}\n\n{tables}"
-
-
-def _actuators(vehicle: Vehicle, names: list[str]) -> tuple[str, ...]:
-    """Actuators of names and groups."""
-    facts = vehicle.actuator_info()
-    return tuple(name for name in vehicle.actuators if name in names or facts[name]["group"] in names)

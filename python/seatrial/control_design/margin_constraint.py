@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, nearest
-from seatrial.control_design.loops import closed, feedback, responses
+from seatrial.control_design.loops import ROW_OF, LoopGain, closed, feedback, law, responses
 from seatrial.control_design.margins import (
     LoopMargins,
     decibel,
@@ -44,9 +44,7 @@ from seatrial.control_design.operating_points import (
     reachable_speeds,
     refuse_other_laws,
 )
-from seatrial.control_design.pole_placement import LoopGain, law
 from seatrial.control_design.tuning_table import Margins
-from seatrial.vehicle.actuators import LOOPS, ROWS
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
@@ -114,23 +112,13 @@ class PointMargins:
 
 
 class MarginConstraint:
-    """Limits on the margins of an autopilot's loops, for many candidates of its gains at once.
+    """Limits on the margins of an autopilot's loops on a vehicle's model, for many candidates of its gains at
+    once.
 
-    Raises `CampaignError`: a regulator in place of PID loops, or no speed.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-        The model that the margins are of.
-    autopilot : Autopilot
-        Modes, breakpoints, feed-forward, and the gains that a candidate does not name.
-    speeds_m_s : sequence of float, optional
-        Desired speeds, m/s; the breakpoints that the vehicle reaches when missing. Every mode that can
-        work at a speed counts, and between the slowest and the fastest every switching speed with both modes.
-    limits : Margins, optional
-        Least margins; those of a campaign that gives none when missing.
-    sensors : mapping of str to Sensor, "typical" or a file, optional
-        Whose latency and interval the loops bear; perfect ones when missing.
+    At desired speeds in m/s, by default the breakpoints that the vehicle reaches, every mode that can work
+    there counts, and at every switching speed between them both modes. The loops bear latency and interval of
+    the sensors; perfect ones when missing. Raises `CampaignError` for a regulator in place of PID loops, or
+    no speed.
 
     Examples
     --------
@@ -169,10 +157,7 @@ class MarginConstraint:
         ]
 
     def beside(self, gains: Mapping[str, float]) -> MarginConstraint:
-        """The same limits where gains that a candidate does not name are these; no motion is solved again.
-
-        Gains go by the names of `Autopilot.gains`; others stay.
-        """
+        """The same limits where gains that a candidate does not name are these; no motion is solved again."""
         other = copy(self)
         other._gains = self._gains | {name: float(value) for name, value in gains.items()}
         return other
@@ -191,33 +176,25 @@ class MarginConstraint:
         return tuple(dict.fromkeys(loop for point in self._systems for loop in point.at.loops))
 
     def growth(self, gains: Gains) -> Array:
-        """Rate of the fastest motion that grows at any point, (k,) in 1/s; 0 where none does.
-
-        Takes and raises what `margins` does.
-        """
+        """Rate of the fastest motion that grows at any point, (k,) in 1/s; 0 where none does."""
         rates = [point.growth(weights) for point, weights in self._weighed(gains)]
         return np.asarray(np.max([np.zeros(self._count(gains)), *rates], axis=0))
 
     def margins(self, gains: Gains) -> list[PointMargins]:
-        """Margins of k candidates, per point.
-
-        Gains are (k,) or one for all, by the names of `Autopilot.gains`; others keep those of the autopilot.
-        Raises CampaignError for one that the autopilot does not have, or for arrays of different lengths.
+        """Margins of k candidates, per point. Gains are (k,) or one for all, by the names of
+        `Autopilot.gains`; others keep those of the autopilot. A CampaignError for a name that it does not
+        have.
         """
         return [point.margins(weights) for point, weights in self._weighed(gains)]
 
     def open_loops(self, gains: Gains) -> list[tuple[Array, Complex]]:
-        """Per point the frequencies (F,) in rad/s and each loop opened alone, the others closed, (k, n, F).
-
-        Takes and raises what `margins` does.
+        """Per point the frequencies (F,) in rad/s and each loop opened alone, the others closed, (k, n,
+        F).
         """
         return [(point.omega, point.opened(weights)) for point, weights in self._weighed(gains)]
 
     def shortfall(self, gains: Gains) -> Array:
-        """By how much k candidates fall short of the limits, (k,): 0 where all hold.
-
-        Takes and raises what `margins` does.
-        """
+        """By how much k candidates fall short of the limits, (k,): 0 where all hold."""
         total = np.zeros(self._count(gains))
         for point in self.margins(gains):
             total += point.shortfall(self.limits)
@@ -267,7 +244,7 @@ class _Point:
         self.neutral = np.log(neutral_radius(of.period_s)) / of.period_s
         loops, steps = [], []
         for loop in at.loops:
-            row = of.rows.index(ROWS[LOOPS.index(loop)])
+            row = of.rows.index(ROW_OF[loop])
             for unit in np.eye(len(_KEYS)):
                 gain = LoopGain(float(unit[0]), float(unit[1]), float(unit[2]), np.nan)
                 own = feedback(of, law({loop: gain}, at.speed_m_s))

@@ -17,7 +17,7 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.plain import Plain
-from seatrial.control_design.loops import Sampled, closed
+from seatrial.control_design.loops import LOOP_OF, Sampled, closed
 from seatrial.control_design.lqr import Tolerances
 from seatrial.control_design.margins import (
     LawMargins,
@@ -30,7 +30,6 @@ from seatrial.control_design.margins import (
     small,
     spectral_radius,
 )
-from seatrial.control_design.mode_table import top_speeds
 from seatrial.control_design.operating_points import (
     AutopilotFacts,
     autopilot_facts,
@@ -40,9 +39,10 @@ from seatrial.control_design.operating_points import (
     mode_loop,
     operating_points,
     reachable_speeds,
+    top_speeds,
 )
 from seatrial.control_design.tuning_table import ACCEPTED
-from seatrial.vehicle.actuators import LOOPS, NOMINAL_V, ROWS
+from seatrial.vehicle.actuators import NOMINAL_V
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
@@ -67,11 +67,10 @@ SETTINGS = MarginReportSettings()
 class MarginRow(Plain, also="verdict"):
     """Margins of a mode at a desired speed in m/s.
 
-    ``phase_deg``, ``gain`` (a factor upwards) and ``delay_s`` are the least over the rows of the wrench,
-    each opened alone, ``sensitivity`` the largest |1/(1 + L)|; ``doubles_s`` is the time in which a motion
-    doubles, None where none grows, and ``grows`` what moves most in it. ``trimmed`` says whether there is
-    straight level motion at that speed. ``loop`` is the one that is nearest to its accepted margins, or
-    furthest short of them.
+    ``phase_deg``, ``gain`` (a factor upwards) and ``delay_s`` are the least over the rows of the wrench, each
+    opened alone, ``sensitivity`` the largest |1/(1 + L)|; in ``doubles_s`` a motion doubles, None where none
+    grows, and ``grows`` is what moves most in it. ``loop`` is nearest to its accepted margins, or furthest
+    short of them.
     """
 
     mode: str
@@ -194,7 +193,7 @@ def _at(
         doubles_s=doubles,
         grows=grows,
         trimmed=at.trimmed,
-        loop=LOOPS[ROWS.index(min(rows, key=lambda row: _share(rows[row])))],
+        loop=LOOP_OF[min(rows, key=lambda row: _share(rows[row]))],
     )
 
 
@@ -223,9 +222,8 @@ def _moves_most(step: Array, system: Sampled) -> str:
 
 @dataclass(frozen=True)
 class ReportedMargins(Plain):
-    """Margins of a loop in a mode at a desired speed in m/s, the other loops closed.
-
-    Each margin is None where nothing bounds it, and so is its frequency in rad/s.
+    """Margins of a loop in a mode at a desired speed in m/s, the other loops closed; None, with its frequency
+    in rad/s, where nothing bounds one.
     """
 
     #: `mode`, `speed_m_s`, `loop`: which.
@@ -269,18 +267,9 @@ def report_margins(
     *,
     sensors: Mapping[str, Sensor] | str | Path | None = None,
 ) -> list[ReportedMargins]:
-    """Margins per mode, speed and loop of an autopilot on a vehicle's model.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-    autopilot : Autopilot
-        PID loops or a regulator.
-    speeds_m_s : sequence of float, optional
-        Desired speeds, m/s, and the switching speeds between them; the breakpoints that the vehicle
-        reaches when missing.
-    sensors : mapping of str to Sensor, "typical" or a file, optional
-        Whose latency and interval the loops bear; perfect ones when missing.
+    """Margins per mode, speed and loop of an autopilot, PID loops or a regulator, on a vehicle's model; at
+    desired speeds in m/s and the switching speeds between them, by default the breakpoints that the
+    vehicle reaches.
 
     Examples
     --------

@@ -57,25 +57,13 @@ _TINY = 1e-300  # keeps a division by zero finite
 
 @dataclass(frozen=True, eq=False)
 class LoopMargins:
-    """Margins of loops, each array of the loops' shape; inf (phase: 180 deg) where nothing is crossed.
+    """Margins of loops, each array of the loops' shape, and the frequencies where they are met; inf (phase:
+    180 deg) and NaN where nothing is crossed.
 
+    The phase margin is the least angle between -1 and a crossing of the unit circle; gain margins are factors
+    above one, upwards (`gain`) and downwards (`reduction`); `sensitivity` is the largest size of 1/(1 + L).
     They are distances from the edge of stability and tell nothing about the side: an unstable loop has
     margins, too.
-
-    Attributes
-    ----------
-    phase_deg, phase_rad_s
-        Phase margin, deg: the least angle between -1 and a crossing of the unit circle; its frequency.
-    gain, gain_rad_s
-        Gain margin upwards, a factor above one; its frequency.
-    reduction, reduction_rad_s
-        Gain margin downwards: the factor above one by which the gain may be divided; its frequency.
-    delay_s, delay_rad_s
-        Delay margin, s; its frequency.
-    sensitivity
-        Largest size of 1/(1 + L) over the frequencies.
-
-    Frequencies are NaN where nothing is crossed.
     """
 
     phase_deg: Array
@@ -95,10 +83,8 @@ class LoopMargins:
 
 
 def loop_margins(loops: Complex, omega: Array) -> LoopMargins:
-    """Margins of loops (..., F) from their responses at rising frequencies omega (F,) in rad/s.
-
-    Of sampled loops the last frequency is half the sampling rate, where a real response below zero counts
-    as a crossing of the negative real axis.
+    """Margins of loops (..., F) from their responses at rising frequencies omega (F,) in rad/s, the last of
+    sampled loops half the sampling rate, where a real response below zero crosses the negative real axis.
 
     Examples
     --------
@@ -182,10 +168,8 @@ def disk_margin(loops: Complex) -> Array:
 
 
 def open_each(loop: Complex) -> Complex:
-    """Each row of loops (n, n, ...) opened alone, the others closed: (n, ...). Overwrites ``loop``.
-
-    L_i = 1/[(I + L)^-1]_ii - 1, by Gauss and Jordan in place: n is six at most, and the candidates and
-    frequencies of the trailing axes go through together.
+    """Each row of loops (n, n, ...) opened alone, the others closed: (n, ...). Overwrites ``loop``: L_i =
+    1/[(I + L)^-1]_ii - 1, by Gauss and Jordan in place, all trailing axes together.
     """
     n = len(loop)
     rows = range(n)
@@ -210,10 +194,8 @@ def frequencies(period_s: float, count: int = SETTINGS.frequencies) -> Array:
 
 @dataclass(frozen=True)
 class LawMargins:
-    """Largest closed-loop |eigenvalue| per step, and margins of one row or the least over the rows.
-
-    Phase margin in deg, gain margin upwards as a factor, delay margin in s; ``sensitivity`` is the largest
-    |1/(1 + L)|.
+    """Largest closed-loop |eigenvalue| per step, and margins of one row or the least over the rows: phase in
+    deg, gain upwards as a factor, delay in s; ``sensitivity`` is the largest |1/(1 + L)|.
     """
 
     radius: float
@@ -261,10 +243,8 @@ def least_of(rows: Collection[LawMargins]) -> LawMargins:
 
 
 def refined_margins(of: Sampled, gain: Array) -> tuple[LoopMargins, Array]:
-    """Margins (rows,) of the law K (6, 15) to the digits of a report, and the disk margins (rows,).
-
-    Each interval of the frequencies in which a row crosses the unit circle or the negative real axis is
-    divided into 64: the logarithm of a response is straight enough over the rest.
+    """Margins (rows,) of the law K (6, 15) to the digits of a report, and the disk margins (rows,): intervals
+    of the frequencies with a crossing are divided into 64.
     """
     opened = _opened(of, gain)
     below = np.geomspace(1e-3, SETTINGS.nyquist_share * np.pi / of.period_s, SETTINGS.frequencies)
@@ -309,16 +289,8 @@ def decibel(factor: ArrayLike) -> Array:
 
 
 def small(phase_deg: float, gain_db: float, sensitivity: float) -> tuple[str, ...]:
-    """Which of a stable loop's margins fall short of the accepted ones.
-
-    A gain that may not fall much shows as sensitivity.
-
-    Source of the limits: `seatrial.control_design.tuning_table.ACCEPTED`.
-
-    Examples
-    --------
-    >>> small(62.0, 2.3, 3.1)
-    ('gain', 'sensitivity')
+    """Which of a stable loop's margins fall short of `seatrial.control_design.tuning_table.ACCEPTED`; a gain
+    that may not fall much shows as sensitivity.
     """
     short = {
         "phase": phase_deg < ACCEPTED.phase_deg,

@@ -2,8 +2,16 @@
 
 The compiled core owns the autopilot file and its defaults; `autopilot_facts` is the one place above it that
 reads the tables. All loops of a mode are closed on the linear motion about its trim, behind lag and dead time
-of the actuators and the control period. Held by tests/control_design/test_margin_engine.py,
-test_margin_sensors.py and test_margin_constraint.py beside it.
+of the actuators and the control period.
+
+Modes that suit a vehicle follow from the rows that its actuators can command. One that commands the heave
+force hovers. A frame that also commands the sway force cruises as it hovers, without swaying; any other
+pitches under way, with its depth by pitch, by the actuators that drive it and its fins: a vertical thruster
+that only helped the pitch moment would keep crossing its minimum revolutions. The breakpoints span 95 % of
+the reachable range; those of a vehicle that cannot hover begin where it flies level.
+
+Held by test_margin_engine.py, test_margin_sensors.py, test_margin_constraint.py and
+test_control_design_start.py in tests/control_design.
 """
 
 from __future__ import annotations
@@ -18,21 +26,26 @@ from numpy.typing import NDArray
 
 from seatrial._core import Mission
 from seatrial.base.arrays import Array
-from seatrial.base.errors import CampaignError
+from seatrial.base.errors import CampaignError, VehicleError
 from seatrial.control_design.loops import (
-    LINEAR_MOTION_SETTINGS,
+    LOOP_OF,
+    ROW_OF,
     STATES,
+    LoopGain,
     Sampled,
+    Trim,
+    law,
     level,
     plant,
     restoring_law,
+    rows_of,
     sampled,
     trim,
 )
-from seatrial.control_design.mode_table import top_speeds
-from seatrial.control_design.pole_placement import LoopGain, law
+from seatrial.control_design.loops import SETTINGS as LINEAR_MOTION_SETTINGS
 from seatrial.flight.sensor_channels import sensors_of
-from seatrial.vehicle.actuators import LOOPS, NOMINAL_V, ROWS, delays
+from seatrial.vehicle.actuators import LOOPS, NOMINAL_V, ROWS, command, delays, reach
+from seatrial.vehicle.steady_state import drivers, steady, unbounded
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
@@ -53,10 +66,9 @@ class AutopilotMode:
 
 @dataclass(frozen=True)
 class AutopilotFacts:
-    """An autopilot's tables with the core's defaults.
-
-    ``loops`` are the tables of the loops, with scalars where a gain does not change with the speed;
-    ``regulators`` is per mode the gain (points, 6, 15) or (6, 15) of ``control = "lqr"``.
+    """An autopilot's tables with the core's defaults: ``loops`` with scalars where a gain does not change
+    with the speed, ``regulators`` with the gain (points, 6, 15) or (6, 15) of ``control = "lqr"`` per
+    mode.
     """
 
     control: str
@@ -94,14 +106,7 @@ class AutopilotFacts:
 
 
 def autopilot_facts(autopilot: Autopilot) -> AutopilotFacts:
-    """What the tables of an autopilot say.
-
-    Examples
-    --------
-    >>> import seatrial as st
-    >>> [(mode.name, mode.depth_by) for mode in autopilot_facts(st.Autopilot.load("cwolf")).modes]
-    [('hover', 'heave'), ('cruise', 'pitch')]
-    """
+    """What the tables of an autopilot say."""
     regulators = autopilot.to_dict().get("lqr", ())
     return AutopilotFacts(
         control=autopilot.control,
@@ -133,10 +138,7 @@ def mode_at(facts: AutopilotFacts, speed_m_s: float) -> AutopilotMode:
 
 
 def refuse_other_laws(autopilot: Autopilot) -> None:
-    """Refuse an autopilot whose gains are not those of PID loops.
-
-    Raises `CampaignError`: its control is another one.
-    """
+    """Refuse, with a `CampaignError`, an autopilot whose gains are not those of PID loops."""
     control = autopilot_facts(autopilot).control
     if control != "pid":
         raise CampaignError(
@@ -157,9 +159,8 @@ east_m = 0.0
 
 
 def refuse_misfit(autopilot: Autopilot, vehicle: Vehicle) -> None:
-    """Refuse an autopilot that cannot steer a vehicle.
-
-    Raises `VehicleError`: a loop, an actuator or a limit of the autopilot does not fit.
+    """Refuse, with a `VehicleError`, an autopilot of which a loop, an actuator or a limit does not fit the
+    vehicle.
     """
     autopilot.engage(vehicle, Mission.from_toml(_ANY_MISSION))
 
@@ -178,23 +179,12 @@ _READ = {
 def measurement_delays(
     sensors: Mapping[str, Sensor] | str | Path | None, vehicle: Vehicle
 ) -> dict[str, float]:
-    """Mean age in s of the measurements of each loop, the older of those that it closes on.
+    """Mean age in s of the measurements of each loop, the older of what it holds and of its rate; 0 for
+    perfect sensors (None) and where a kind is missing.
 
-    A sensor tells what was latency_s ago, and holds it until its next sample: 1/rate_hz later, so that the
-    hold adds half of that on the average. Sample and hold is taken as this dead time: its phase is the same,
-    its fall in magnitude is left out. A loop counts with the older of its measurements, of what it holds and
-    of that one's rate. A sensor without rate_hz is as fast as the control period. Source: Åström and
-    Wittenmark, *Computer-Controlled Systems* (1997), section 2.
-
-    Nothing is late where sensors are perfect (None), nor where a kind is missing. Raises TrialError where a
-    file or a kind is not usable.
-
-    Examples
-    --------
-    >>> import seatrial as st
-    >>> found = measurement_delays("typical", st.Vehicle.load("cwolf"))
-    >>> {loop: round(late, 3) for loop, late in found.items() if loop in ("surge", "heading")}
-    {'surge': 0.22, 'heading': 0.07}
+    A sensor tells what was latency_s ago, and holds it until its next sample, 1/rate_hz later, so that the
+    hold adds half of that on the average: sample and hold is taken as this dead time, whose phase is the
+    same. Source: Åström and Wittenmark, *Computer-Controlled Systems* (1997), section 2.
     """
     there = sensors_of(sensors, vehicle) or {}
     return {
@@ -211,16 +201,7 @@ def _age(sensor: Sensor) -> float:
 def reachable_points(
     vehicle: Vehicle, autopilot: Autopilot, *, voltage_v: float = NOMINAL_V
 ) -> NDArray[np.bool_]:
-    """Whether each breakpoint (6,) of the schedule lies between the top speeds astern and ahead.
-
-    Tables of thrust are read at `voltage_v`, V.
-
-    Examples
-    --------
-    >>> import seatrial as st
-    >>> reachable_points(st.Vehicle.load("cwolf"), st.Autopilot.load("cwolf"))
-    array([ True,  True,  True,  True,  True,  True])
-    """
+    """Whether each breakpoint (6,) of the schedule lies between the top speeds astern and ahead."""
     astern, ahead = top_speeds(vehicle, voltage_v=voltage_v)
     speeds = np.asarray(autopilot.speeds_m_s)
     return np.asarray((speeds >= astern) & (speeds <= ahead))
@@ -233,9 +214,8 @@ def reachable_speeds(vehicle: Vehicle, autopilot: Autopilot) -> list[float]:
 
 
 def operating_points(facts: AutopilotFacts, speeds_m_s: Sequence[float]) -> list[tuple[str, float]]:
-    """Mode and speed in m/s of every mode that can work at a speed, and of both at a switching speed.
-
-    Between a switching speed and its hysteresis below it, either mode may be at work.
+    """Mode and speed in m/s of every mode that can work at a speed, and of both at a switching speed: between
+    it and its hysteresis below it, either mode may be at work.
     """
     modes, points = facts.modes, []
     switching = [mode.from_speed_m_s for mode in modes[1:]]
@@ -251,10 +231,8 @@ def operating_points(facts: AutopilotFacts, speeds_m_s: Sequence[float]) -> list
 
 @dataclass(frozen=True, eq=False)
 class ModeLoop:
-    """A mode at a desired speed in m/s, before its gains: the sampled plant and what else acts on it.
-
-    ``known`` is K (6, 15) of the restoring feed-forward, zero where the file has none; ``trimmed`` says
-    whether there is straight level motion at that speed.
+    """A mode at a desired speed in m/s, before its gains: the sampled plant, and K (6, 15) of the restoring
+    feed-forward (``known``); ``trimmed``: whether there is straight level motion at that speed.
     """
 
     mode: str
@@ -274,19 +252,17 @@ def mode_loop(
     measured_late_s: Mapping[str, float] | None = None,
     motion: float = LINEAR_MOTION_SETTINGS.small_motion_m_s,
 ) -> ModeLoop:
-    """Sampled motion about the trim of a mode at a speed in m/s.
-
-    ``measured_late_s`` is the age in s of what each loop measures, 0 where missing. The loop is opened at
-    its row of the wrench: there dead time of its measurements and of its actuators are the same. Quadratic
-    damping counts by its secant over ``motion``, m/s and rad/s.
+    """Sampled motion about the trim of a mode at a speed in m/s, measured so late (s, per loop): opened at
+    its row of the wrench, dead time of measurements and of actuators are the same. Quadratic damping
+    counts by its secant over ``motion``.
     """
     of = facts.mode(mode)
     loops = tuple(loop for loop in LOOPS if loop in of.loops)
-    rows = "".join(ROWS[LOOPS.index(loop)] for loop in loops)
-    actuators = _at_work(vehicle, of.actuators)
+    rows = rows_of(loops)
+    actuators = at_work(vehicle, of.actuators)
     flight = trim(vehicle, speed_m_s, rows, actuators)
     moved = plant(vehicle, flight or level(speed_m_s, rows, actuators), loops, motion=motion)
-    late = {ROWS[LOOPS.index(loop)]: (measured_late_s or {}).get(loop, 0.0) for loop in loops}
+    late = {ROW_OF[loop]: (measured_late_s or {}).get(loop, 0.0) for loop in loops}
     behind = {
         row: replace(delay, dead_s=delay.dead_s + late[row]) for row, delay in delays(vehicle, rows).items()
     }
@@ -313,8 +289,121 @@ def mode_law(facts: AutopilotFacts, mode: str, loops: tuple[str, ...], speed_m_s
     return law(gains, speed_m_s)
 
 
-def _at_work(vehicle: Vehicle, named: Sequence[str]) -> tuple[str, ...] | None:
+def at_work(vehicle: Vehicle, named: Sequence[str]) -> tuple[str, ...] | None:
     """Actuators of a mode, groups resolved; None for all."""
     facts = vehicle.actuator_info()
     names = tuple(name for name in vehicle.actuators if name in named or facts[name]["group"] in named)
     return names or None
+
+
+POINTS = 6
+"""Number of breakpoints, that of the core."""
+
+
+@dataclass(frozen=True)
+class ModeTableSettings:
+    """Which speeds and modes suit a vehicle."""
+
+    #: Share of the reachable speeds that the breakpoints span: at the very end nothing is left to control
+    #: with.
+    speed_range_share: float = 0.95
+    cruise_from_share: float = 0.3  #: Share of the top speed from which cruise takes over from hover.
+    slowest_share: float = 0.25  #: Share of the top speed below which fins do not bite any more.
+    level_pitch_rad: float = float(np.deg2rad(10.0))  #: Largest pitch of level flight, rad.
+    held_share: float = 0.9  #: Share of the actuators' reach that must hold level flight.
+    #: Pitch at which cruise may take over from hover, rad: guidance has to learn it, which moves the depth.
+    take_over_pitch_rad: float = float(np.deg2rad(1.5))
+
+
+SETTINGS = ModeTableSettings()
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A row of the mode table."""
+
+    name: str
+    loops: tuple[str, ...]
+    depth_by: str
+    from_speed_m_s: float | None = None
+    actuators: tuple[str, ...] | None = None
+    """Those at work; all when missing."""
+
+
+def top_speeds(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> tuple[float, float]:
+    """Top speeds astern (not positive) and ahead, m/s, straight at the largest commands; a `VehicleError`
+    where they have no bound.
+    """
+    facts, extremes = vehicle.actuator_info(), []
+    for share in (-1.0, 1.0):
+        commands = {name: command(facts[name], share * sense) for name, sense in drivers(vehicle).items()}
+        extremes.append(
+            float(steady(vehicle, commands, free="X", voltage_v=voltage_v).nu[0]) if commands else 0.0
+        )
+    if not np.isfinite(extremes).all():
+        raise VehicleError(unbounded(vehicle))
+    return min(extremes[0], 0.0), extremes[1]
+
+
+def breakpoint_speeds(vehicle: Vehicle, rows: str, top: tuple[float, float]) -> list[float]:
+    """Six breakpoints in m/s over 95 % of the reachable range; without hovering, of level flight."""
+    slowest = SETTINGS.speed_range_share * top[0] if "Z" in rows else _slowest(vehicle, rows, top[1])
+    return [float(u) for u in np.linspace(slowest, SETTINGS.speed_range_share * top[1], POINTS)]
+
+
+def _slowest(vehicle: Vehicle, rows: str, top: float, pitch: float = SETTINGS.level_pitch_rad) -> float:
+    """Least speed of level flight, at a pitch (rad) or less, that the actuators can hold; a quarter of the
+    top speed or more.
+    """
+    commanded = rows.replace("Z", "")
+    for share in np.linspace(SETTINGS.slowest_share, 0.8, 23):
+        flight = trim(vehicle, share * top, commanded)
+        if flight is None or abs(flight.attitude[1]) > pitch:
+            continue
+        low, high = reach(vehicle, share * top, commanded)["M"] if "M" in commanded else (-np.inf, np.inf)
+        if SETTINGS.held_share * low < flight.tau[4] < SETTINGS.held_share * high:
+            return float(share * top)
+    return 0.8 * top
+
+
+def mode_table(vehicle: Vehicle, rows: str, top: tuple[float, float]) -> tuple[Mode, ...]:
+    """The modes for the commanded rows and the top speeds astern and ahead (m/s)."""
+    hovers, cruise_from = "Z" in rows, SETTINGS.cruise_from_share * top[1]
+    every = tuple(LOOP_OF[row] for row in rows)
+    cruising = tuple(loop for loop in every if loop not in ("heave", "sway"))
+    modes = [Mode("hover", every, "heave")] if hovers else []
+    if hovers and "Y" in rows:
+        # A frame with thrusters all around goes down as it is; it only stops to sway.
+        without = tuple(loop for loop in every if loop != "sway")
+        modes.append(Mode("cruise", without, "heave", cruise_from))
+    elif "M" in rows:
+        start = driving = None
+        if hovers:
+            start = max(_slowest(vehicle, rows, top[1], SETTINGS.take_over_pitch_rad), cruise_from)
+            driving = _driving(vehicle, rows_of(cruising))
+        modes.append(Mode("cruise", cruising, "pitch", start, driving))
+    return tuple(modes)
+
+
+def _driving(vehicle: Vehicle, rows: str) -> tuple[str, ...] | None:
+    """Actuators that drive, and fins, where they are not all and command the rows without the others."""
+    facts = vehicle.actuator_info()
+    names = [name for name in vehicle.actuators if name in drivers(vehicle) or facts[name]["kind"] == "fin"]
+    matrix = np.asarray(vehicle.allocation_matrix())[[ROWS.index(row) for row in rows]]
+    matrix = matrix[:, [vehicle.actuators.index(name) for name in names]]
+    alone = np.linalg.matrix_rank(matrix, tol=0.1 * float(np.abs(matrix).max())) == len(rows)
+    return tuple(names) if alone and len(names) < len(vehicle.actuators) else None
+
+
+def flies(mode: Mode, modes: tuple[Mode, ...], speed: float) -> bool:
+    """Whether a mode works at this desired speed: hover astern and up to where cruise takes over."""
+    if len(modes) == 1:
+        return True
+    start = modes[-1].from_speed_m_s or 0.0
+    return speed >= start if mode is modes[-1] else speed < start
+
+
+def mode_trim(vehicle: Vehicle, speed_m_s: float, mode: Mode) -> Trim:
+    """The trim of a mode at a speed in m/s, or level motion where there is none."""
+    rows = rows_of(mode.loops)
+    return trim(vehicle, speed_m_s, rows, mode.actuators) or level(speed_m_s, rows, mode.actuators)

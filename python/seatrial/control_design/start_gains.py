@@ -1,20 +1,32 @@
 """Start gains of an autopilot from the vehicle's model: modes, breakpoints, gains and largest demands.
 
-Which loops there are follows from the rows that the actuators can command. Each loop begins with the gains of
-`seatrial.control_design.pole_placement`; its bandwidth is then moved in a trial of all loops on the coupled
-motion behind lag and dead time, until the motion is stable with and without the restoring feed-forward, the
-phase margin is 35 deg, gain margin and sensitivity are accepted
-(`seatrial.control_design.tuning_table.ACCEPTED`), and the step response overshoots less than 24 %
-and settles.
+Which loops there are follows from the rows that the actuators can command. Each loop begins with gains by
+pole placement. Position loops (depth, angles): ``K_P = M w^2 + k``, ``K_D = 2 zeta w' M - d``, ``K_I = (K_P -
+k/2) w / 12``, and ``w (d + K_D) / (2 zeta)`` instead of ``M w^2`` where that is more; speed loops: ``K_P = M
+w - d``, ``K_I = M w^2 / 7``. M is the inertia and d the damping of the row, negative where the hull turns by
+itself. k is the stiffness with which the flow upsets the hull, and the righting one, which a feed-forward at
+the measured attitude takes away; ``w'^2 = w^2 + k/M``. The bandwidth w is the largest that both the
+actuators' delay T and their reach allow: ``w T <= 0.2`` (0.4 for a speed loop), which costs about 25 deg of
+phase at the crossover, and a usual error (`USUAL_ERROR`) asks for no more than tau_max.
+
+The bandwidth is then moved in a trial of all loops on the coupled motion behind lag and dead time, until the
+motion is stable with and without the restoring feed-forward, the phase margin is 35 deg, gain margin and
+sensitivity are accepted (`seatrial.control_design.tuning_table.ACCEPTED`), and the step response overshoots
+less than 24 % and settles.
 
 The largest demand of a row is 80 % of its reach, half of it where the actuators that give it also drive
 ahead. The reference filters are five times as fast as their position loops: they hold back a jump, not the
 guidance. A loop has at most 0.2/T of the delay T of its actuators, so that these can still follow a
-reference of 1/T. Held by tests/control_design/test_control_design_start.py.
+reference of 1/T.
+
+Source: Fossen (2011), section 12.2.7; Åström and Hägglund (2006), section 7.6; gains per sample: Taubert et
+al. (2014), equation (54). Held by tests/control_design/test_control_design_start.py and
+tests/control_design/test_per_sample.py.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import TYPE_CHECKING, Any
@@ -22,10 +34,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.control_design.loops import Plant, level, plant, restoring_law, sampled, step_response
+from seatrial.base.errors import VehicleError
+from seatrial.control_design.loops import (
+    LOOP_OF,
+    ROW_OF,
+    LoopGain,
+    Plant,
+    kind,
+    law,
+    level,
+    plant,
+    restoring_law,
+    sampled,
+    step_response,
+)
 from seatrial.control_design.margins import decibel, least_margins, small, spectral_radius
-from seatrial.control_design.mode_table import (
-    MODE_TABLE_SETTINGS,
+from seatrial.control_design.operating_points import (
+    POINTS,
     Mode,
     breakpoint_speeds,
     flies,
@@ -33,16 +58,7 @@ from seatrial.control_design.mode_table import (
     mode_trim,
     top_speeds,
 )
-from seatrial.control_design.pole_placement import (
-    POLE_PLACEMENT_SETTINGS,
-    USUAL_ERROR,
-    Axis,
-    LoopGain,
-    bandwidth,
-    kind,
-    law,
-    loop_gain,
-)
+from seatrial.control_design.operating_points import SETTINGS as MODE_TABLE_SETTINGS
 from seatrial.vehicle.actuators import (
     LOOPS,
     NOMINAL_V,
@@ -61,9 +77,114 @@ if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
 
+USUAL_ERROR = {"heave": 2.0, "roll": np.deg2rad(30.0), "pitch": np.deg2rad(30.0), "heading": np.deg2rad(40.0)}
+"""Error of a position loop, m or rad, that may just ask for the largest demand."""
+
+
+DELAY_SHARE = {"position": 0.2, "speed": 0.4}
+
+INTEGRAL_SHARE = {"position": 1.0 / 12.0, "speed": 1.0 / 7.0}
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One row: inertia, damping, stiffness to add in SI, delay in s, largest demand in N or N m, usual error
+    in m/s, m or rad.
+    """
+
+    inertia: float
+    damping: float
+    stiffness: float
+    delay_s: float
+    tau_max: float
+    usual_error: float
+
+
+def three_digits(value: float) -> float:
+    """A number with three digits: start values are no more certain."""
+    return float(f"{value:.3g}")
+
+
+def bandwidth(loop: str, axis: Axis) -> float:
+    """Largest bandwidth in rad/s that delay and reach allow."""
+    by_delay = DELAY_SHARE[kind(loop)] / max(axis.delay_s, SETTINGS.shortest_delay_s)
+    usual = axis.tau_max / axis.usual_error
+    if kind(loop) == "speed":
+        return min(by_delay, usual / axis.inertia)
+    against_damping = 2.0 * SETTINGS.damping_ratio * usual / max(axis.damping, 1e-9)
+    return min(by_delay, float(np.sqrt(usual / axis.inertia)), against_damping)
+
+
+def loop_gain(loop: str, axis: Axis, omega: float) -> LoopGain:
+    """Gains of a loop for a bandwidth in rad/s.
+
+    Examples
+    --------
+    >>> axis = Axis(131.3, damping=15.0, stiffness=0.0, delay_s=0.4, tau_max=60.0, usual_error=1.3)
+    >>> loop_gain("heading", axis, 0.5)
+    LoopGain(k_p=32.825, k_i=1.37, k_d=103.17, bandwidth=0.5)
+    """
+    share = INTEGRAL_SHARE[kind(loop)] * omega
+    if kind(loop) == "speed":
+        full = axis.inertia * omega
+        k_p = max(full - axis.damping, SETTINGS.gain_share_min * full)
+        return LoopGain(k_p, full * share, 0.0, omega)
+    own = float(np.hypot(omega, np.sqrt(axis.stiffness / axis.inertia)))
+    full = 2.0 * SETTINGS.damping_ratio * own * axis.inertia
+    k_d = float(np.clip(full - axis.damping, SETTINGS.gain_share_min * full, SETTINGS.gain_share_max * full))
+    # Where the water damps more than that, the answer is as slow as K_P is small against it.
+    k_p = max(axis.inertia * omega**2, omega * (axis.damping + k_d) / (2.0 * SETTINGS.damping_ratio))
+    k_p += axis.stiffness
+    # The feed-forward carries most of the stiffness: half of it is left to the integral.
+    return LoopGain(k_p, (k_p - 0.5 * axis.stiffness) * share, k_d, omega)
+
+
+def physical_gains(
+    loops: Mapping[str, Mapping[str, Sequence[float]]], *, period_s: float
+) -> dict[str, dict[str, list[float]]]:
+    """Gains of an autopilot file, per loop ``K_P``, ``K_I_per_s`` and ``K_D_s`` at six breakpoints.
+
+    ``K_I_per_s = KI / T_s`` and ``K_D_s = KD T_s`` for ``tau = KP e + KI sum(e) - KD (y(k) - y(k-1))``.
+
+    Parameters
+    ----------
+    loops : mapping
+        Per loop the gains per sample ``KP``, ``KI`` and ``KD``, six numbers each, N or N m per unit of error.
+    period_s : float
+        Control period T_s for which they were found, s.
+
+    Raises
+    ------
+    VehicleError
+        A period that is not positive, a missing gain, or not six numbers.
+
+    Examples
+    --------
+    >>> gains = {"heading": {"KP": [32.8] * 6, "KI": [0.041] * 6, "KD": [812.0] * 6}}
+    >>> {name: values[0] for name, values in physical_gains(gains, period_s=0.1)["heading"].items()}
+    {'K_P': 32.8, 'K_I_per_s': 0.41, 'K_D_s': 81.2}
+    """
+    if not period_s > 0.0:
+        raise VehicleError(f"period_s: expected a positive time in s, found {period_s}")
+    factors = {"K_P": ("KP", 1.0), "K_I_per_s": ("KI", 1.0 / period_s), "K_D_s": ("KD", period_s)}
+    physical: dict[str, dict[str, list[float]]] = {}
+    for loop, gains in loops.items():
+        physical[loop] = {}
+        for key, (name, factor) in factors.items():
+            values = list(gains.get(name, ()))
+            if len(values) != POINTS:
+                raise VehicleError(
+                    f"{loop}.{name}: expected {POINTS} gains per sample, one per breakpoint, found"
+                    f" {len(values)}"
+                )
+            # Ten digits: a period of 0.1 s leaves 0.41 as 0.41.
+            physical[loop][key] = [float(f"{value * factor:.10g}") for value in values]
+    return physical
+
+
 @dataclass(frozen=True)
 class StartGainSettings:
-    """What start gains leave to other rows, tolerate, and try in turn."""
+    """How poles are placed, and what start gains leave to other rows, tolerate, and try in turn."""
 
     shared_reach: float = 0.5  #: Share of the reach for a row whose actuators also drive ahead.
     own_reach: float = 0.8  #: Share of the reach for a row with actuators of its own.
@@ -84,6 +205,14 @@ class StartGainSettings:
     bandwidth_factors: tuple[float, ...] = (1.0, 0.9, 0.8, 1.25, 0.7, 1.6, 0.6, 0.5, 2.0, 0.4)
     #: Shares of the wanted stiffness, tried from the stiffest on.
     stiffness_shares: tuple[float, float, float] = (1.0, 0.7, 0.5)
+    #: Error of a speed loop that may just ask for the largest demand, as a share of the top speed.
+    usual_speed_share: float = 0.3
+    damping_ratio: float = 0.9  #: Damping ratio of the placed poles: hardly an overshoot, and still fast.
+    #: Least gain as a share of that without the water's damping: damping that is there takes no more away.
+    gain_share_min: float = 0.25
+    gain_share_max: float = 3.0  #: Largest gain by the same share: damping that wants adds no more.
+    #: Delay of navigation and of what a vehicle file does not tell, s: no loop counts on less.
+    shortest_delay_s: float = 0.1
 
 
 SETTINGS = StartGainSettings()
@@ -102,10 +231,8 @@ class LoopStart:
 
 @dataclass(frozen=True)
 class StartGains:
-    """Start values of an autopilot; ``left_out`` says per row why it is not commanded.
-
-    ``late`` is per row the delay that the gains are made for; ``weak`` lists mode, speed and loops where no
-    bandwidth met the demands on margins and step response.
+    """Start values of an autopilot; why rows are ``left_out``, delay per row (``late``), and mode, speed and
+    loops where no bandwidth met the demands on margins and step response (``weak``).
     """
 
     speeds_m_s: tuple[float, ...]
@@ -119,20 +246,8 @@ class StartGains:
 
 
 def start_gains(vehicle: Vehicle, *, period_s: float = 0.1, voltage_v: float = NOMINAL_V) -> StartGains:
-    """Start values of an autopilot for a vehicle.
-
-    `period_s`: control period, s; `voltage_v`: supply voltage at which tables of thrust are read, V. Raises
-    `ValueError`: a vehicle that cannot be steered: no thrust ahead, no heading, or neither heave force nor
-    pitch.
-
-    Examples
-    --------
-    >>> import seatrial as st
-    >>> start = start_gains(st.Vehicle.load("cwolf"))
-    >>> [(mode.name, mode.depth_by) for mode in start.modes]
-    [('hover', 'heave'), ('cruise', 'pitch')]
-    >>> sorted(start.left_out)
-    ['K', 'Y']
+    """Start values of an autopilot for a vehicle at a control period in s and a supply in V; a `ValueError`
+    for one that cannot be steered: no thrust ahead, no heading, or neither heave force nor pitch.
     """
     if not vehicle.actuators:
         raise ValueError(
@@ -159,7 +274,7 @@ def start_gains(vehicle: Vehicle, *, period_s: float = 0.1, voltage_v: float = N
     largest = {row: max(_usable(limit, row, shares) for limit in slow) for row in rows}
     largest["X"] = max(largest["X"], 1.05 * _drag(vehicle, speeds[-1]))
     design = Trial(vehicle, rows, late, period_s, top[1], _quiet(vehicle, voltage_v))
-    gains_of: dict[str, list[LoopGain]] = {LOOPS[ROWS.index(row)]: [] for row in rows}
+    gains_of: dict[str, list[LoopGain]] = {LOOP_OF[row]: [] for row in rows}
     weak: list[str] = []
     for u, limit in zip(speeds, limits, strict=True):
         allowed = {row: _usable(limit, row, shares) for row in rows}
@@ -176,14 +291,13 @@ def start_gains(vehicle: Vehicle, *, period_s: float = 0.1, voltage_v: float = N
             and any(loop in m.loops and flies(m, modes, u) for m in modes)
         ]
         reference = _REFERENCE[kind(loop)] * float(np.median(used or [gain.bandwidth for gain in placed]))
-        loops[loop] = LoopStart(tuple(placed), largest[ROWS[LOOPS.index(loop)]], reference)
+        loops[loop] = LoopStart(tuple(placed), largest[ROW_OF[loop]], reference)
     return StartGains(tuple(speeds), top, loops, modes, left_out, period_s, late, tuple(weak))
 
 
 def _quiet(vehicle: Vehicle, voltage_v: float) -> float:
-    """Surge gain in N per m/s at which noise of the velocity asks for a quarter of the least thrust, or inf.
-
-    More of it starts and stops propellers that are asked for about their minimum revolutions.
+    """Surge gain in N per m/s at which noise of the velocity asks for a quarter of the least thrust, or inf:
+    more of it starts and stops propellers near their minimum revolutions.
     """
     facts = vehicle.actuator_info()
     least = {}
@@ -265,8 +379,7 @@ class Trial:
             mode.name: plant(self.vehicle, mode_trim(self.vehicle, speed, mode), mode.loops) for mode in used
         }
         axes = {
-            loop: self._axis(loop, tau_max, plants, speed)
-            for loop in (LOOPS[ROWS.index(row)] for row in self.rows)
+            loop: self._axis(loop, tau_max, plants, speed) for loop in (LOOP_OF[row] for row in self.rows)
         }
         widths = {loop: bandwidth(loop, axis) for loop, axis in axes.items()}
         widths["surge"] = min(widths["surge"], self.surge_most / axes["surge"].inertia)
@@ -304,11 +417,11 @@ class Trial:
         return final, weak
 
     def _axis(self, loop: str, tau_max: dict[str, float], plants: dict[str, Plant], speed: float) -> Axis:
-        row = ROWS[LOOPS.index(loop)]
+        row = ROW_OF[loop]
         inertia = float(np.asarray(self.vehicle.mass_matrix())[ROWS.index(row), ROWS.index(row)])
         damping = min(_damping(of, row) for of in plants.values())
         upset = max((self._upset(of, speed) for of in plants.values() if row == "M"), default=0.0)
-        usual = USUAL_ERROR.get(loop, POLE_PLACEMENT_SETTINGS.usual_speed_share * self.top_m_s)
+        usual = USUAL_ERROR.get(loop, SETTINGS.usual_speed_share * self.top_m_s)
         late = self.late[row].total_s
         righting = restoring_law(self.vehicle, row)[ROWS.index(row), _TILT.get(row, 1)]
         stiffness = inertia * upset + max(-float(righting), 0.0)
@@ -317,17 +430,15 @@ class Trial:
         return Axis(inertia, inertia * damping, held, late, tau_max[row], usual)
 
     def _upset(self, of: Plant, speed: float) -> float:
-        """Stiffness over inertia, 1/s^2, with which a pitched hull is upset while its depth is held.
-
-        It meets the flow at its pitch angle, and the Munk moment turns it further. Gains go by the speed over
-        ground: a current ahead adds to it in the water.
+        """Stiffness over inertia, 1/s^2, with which a pitched hull is upset by the flow while its depth is
+        held; a current ahead adds to the speed over ground by which gains go.
         """
         if "Z" not in of.rows:
             return 0.0
         most = max(abs(speed), self.top_m_s)
         upset = 0.0
         for u in (speed, np.copysign(min(abs(speed) + SETTINGS.current_m_s, most), speed)):
-            mode_loops = tuple(LOOPS[ROWS.index(row)] for row in of.rows)
+            mode_loops = tuple(LOOP_OF[row] for row in of.rows)
             there = plant(self.vehicle, level(u, of.rows), mode_loops)
             upset = max(upset, _upset(there, u))
         return upset
@@ -379,9 +490,8 @@ class Trial:
 
 
 def _damping(of: Plant, row: str) -> float:
-    """Damping over inertia, 1/s, of a row: the lesser of its own and of that with a free cross-flow settled.
-
-    A hull that drifts outwards in a turn is turned further by the Munk moment: the sum may be negative.
+    """Damping over inertia, 1/s, of a row: the lesser of its own and of that with a free cross-flow settled,
+    which the Munk moment may make negative.
     """
     place = of.states.index({"X": 4, "Y": 5, "Z": 6, "K": 7, "M": 8, "N": 9}[row])
     own = -float(of.a[place, place])

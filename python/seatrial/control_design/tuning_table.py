@@ -20,11 +20,9 @@ from seatrial.problem.settings import Budget
 
 @dataclass(frozen=True)
 class Loop:
-    """A loop or path that is tuned: channel of its response, unit of its steps in the file and in SI.
-
-    ``largest`` bounds a step in the file's unit: angles are compared the shorter way round, so that beyond
-    180 deg an overshoot would count as a shortfall. ``usual`` is the step where the file gives none, in that
-    unit, or as a share of the top speed where ``of_top`` holds.
+    """A loop or path that is tuned: channel of its response, unit of its steps in the file and in SI, the
+    ``largest`` step (angles are compared the shorter way round), and the ``usual`` one, as a share of the
+    top speed where ``of_top`` holds.
     """
 
     channel: str
@@ -63,20 +61,9 @@ BESIDE = {
 
 
 def default_steps(loop: str, *, top_m_s: float, largest: float = math.inf) -> tuple[float, float]:
-    """Steps of a loop in both directions where the file gives none, in the file's unit (m/s, m, deg).
-
-    About half of what may just ask for the largest demand
-    (`seatrial.control_design.pole_placement.USUAL_ERROR`), so that the limits are near but do not decide.
-
-    `loop`: key of `LOOPS`; `top_m_s`: largest steady speed of the loop's channel, m/s; of it a speed loop
-    steps a share; `largest`: what guidance or the vehicle allows, in the file's unit.
-
-    Examples
-    --------
-    >>> default_steps("surge", top_m_s=3.0)
-    (0.45, -0.45)
-    >>> default_steps("heading", top_m_s=3.0)
-    (20.0, -20.0)
+    """Steps of a loop in both directions where the file gives none, in the file's unit: about half of what
+    may just ask for the largest demand (`seatrial.control_design.start_gains.USUAL_ERROR`), at most
+    `largest`.
     """
     entry = LOOPS[loop]
     size = min(float(f"{entry.usual * top_m_s:.2g}") if entry.of_top else entry.usual, largest)
@@ -190,13 +177,7 @@ class Beside(Section):
     """Vertical error of guidance, m."""
 
     def half_widths(self) -> dict[str, float]:
-        """Half-width in SI (m/s, m, rad) of every channel that is bounded.
-
-        Examples
-        --------
-        >>> Beside(depth_m=0.5).half_widths()
-        {'z': 0.5}
-        """
+        """Half-width in SI (m/s, m, rad) of every channel that is bounded."""
         given = self.model_dump(exclude_none=True)
         return {BESIDE[key][0]: BESIDE[key][1] * value for key, value in given.items()}
 

@@ -32,11 +32,9 @@ from seatrial.flight.checks import (
     checked_set_points,
     checked_turbulence,
 )
-from seatrial.flight.circumstances import Circumstances, circumstances_of
-from seatrial.flight.conditions import CALM, PLAIN, Conditions, Water
-from seatrial.flight.failures import Fault, Outage, fault_rows, outage_rows
+from seatrial.flight.conditions import CALM, PLAIN, Circumstances, Conditions, Water, circumstances_of
+from seatrial.flight.disturbances import Fault, Outage, checked_seas, fault_rows, outage_rows, sea_rows
 from seatrial.flight.mission import Mission, Route
-from seatrial.flight.sea import checked_seas, sea_rows
 from seatrial.flight.sensor_channels import SensorChannels
 
 _HOUR_S = 3600.0  # changes of the current are given per hour
@@ -48,42 +46,16 @@ _HIGHEST_START_M = 1.0  # above the surface: a wave, or a depth sensor with an o
 class Cases:
     """Flights of one mission that are ready to go; made by `Cases.of`. SI and rad, NED.
 
-    What may differ from case to case has a row or value for each of k cases, or one for all of them.
-
-    Attributes
-    ----------
-    vehicle, autopilot, mission, route
-        What flies, and the mission's waypoints.
-    circumstances
-        What all cases share: water, sensors, model, supply; of a single flight everything.
-    channels
-        The sensors as the core takes them.
-    seeds
-        Of the sensors' errors and of the turbulence, (k,).
-    position, attitude, nu
-        Where a case begins: (k, 3) or (3,); quaternion or roll, pitch, yaw; velocities over ground, (k, 6).
-    current, turbulence
-        Mean velocity of the water and its standard deviation, (k, 3) or (3,), m/s.
-    current_trend, current_walk
-        Slow change of the mean in an hour, and the standard deviation of its random walk after one, likewise.
-    waves
-        Sea states in SI and rad, (k, 5) or (1, 5), see `seatrial.flight.sea`.
-    coefficients, gains
-        Of the vehicle that flies and of the autopilot, (k,) each by name.
-    faults
-        Rows (case, actuator, time in s, command or nan).
-    outages, case_outages
-        Rows (group, from, until in s) for all cases, and (case, group, from, until).
-    sensor_offsets
-        Offset of each channel in its standard deviations, (k, 16); None: drawn from the seeds.
-    set_points, corridors
-        A trial of the loops and what its responses are held against, see `seatrial.fly_batch`.
-    logs
-        Whether the flights keep their logs.
-    dither
-        What is added to the commands of all cases, see `seatrial.fly`.
-    filter
-        The navigation filter whose estimate the autopilot goes by; None: by what the sensors show.
+    What differs from case to case has a row or value for each of k cases, or one for all: where a case
+    begins, `position`, `attitude` (quaternion or roll, pitch, yaw) and `nu` over ground; `current`, its
+    standard deviation `turbulence`, and the change of its mean in an hour, steady (`current_trend`) and
+    random (`current_walk`), m/s; `waves`, rows of `SeaState.row`; `coefficients` of the vehicle that flies
+    and `gains`, (k,) each by name; `sensor_offsets`, (k, 16), in standard deviations of each channel, None:
+    drawn from the `seeds`. Rows of `faults` are (case, actuator, time in s, command or nan), of `outages`
+    (group, from, until in s), of `case_outages` (case, group, from, until). All share the `circumstances`,
+    the sensors as the core takes them (`channels`), the `dither` of the commands and the navigation `filter`;
+    None: the autopilot goes by what the sensors show. `set_points` and `corridors` are those of
+    `seatrial.fly_batch`.
     """
 
     vehicle: Vehicle
@@ -129,11 +101,7 @@ class Cases:
         corridors: Sequence[Corridor] = (),
         logs: bool = False,
     ) -> Cases:
-        """Cases of one mission, checked. See `seatrial.fly_batch` for the parameters.
-
-        Raises VehicleError where a file is not usable. Raises SimulationError, TrialError where lengths do
-        not fit together, or a number, a failure or a sensor is not usable.
-        """
+        """Cases of one mission, checked; parameters and errors are those of `seatrial.fly_batch`."""
         initial = conditions.initial
         starts_differ = not (initial is None or isinstance(initial, State))
         states = None if initial is None else _states(initial)
@@ -243,11 +211,8 @@ class Cases:
         return len(self.seeds)
 
     def fly(self, *, threads: int | None = None) -> Flights:
-        """Flights of all cases, side by side.
-
-        `threads`: all when omitted; the result does not depend on it. Raises VehicleError where the autopilot
-        does not fit the vehicle, or a name is unknown. Raises SimulationError where there is no such number
-        of threads.
+        """Flights of all cases, side by side, on so many threads (all by default), on which the result does
+        not depend.
         """
         around = self.circumstances
         return core_fly(

@@ -28,26 +28,16 @@ class FlightLimits:
 
     #: Correlation time of a turbulent current, and the time in which eddies average out along the hull, s.
     turbulence_times_s: tuple[float, float] = (60.0, 2.0)
-    #: Whole numbers up to here are exact in JSON and in floating point.
-    largest_seed: int = 2**53
-    #: The fastest tidal streams run at 10 m/s.
-    fastest_water_m_s: float = 15.0
-    #: Steps of the integration in a control period.
-    most_substeps: int = 10_000
-    #: Longest flight over its planned time: room for currents.
-    planned_ratio: float = 3.0
-    #: Time beyond that, s: room for waiting.
-    waiting_s: float = 300.0
-    #: Rows of a log: a row and its table take 2.5 kB.
-    most_logged: int = 2_500_000
-    #: Control periods of a flight.
-    most_flown: int = 100_000_000
-    #: A larger supply was given in mV.
-    largest_supply_v: float = 1000.0
-    #: Standard deviation of turbulence, m/s.
-    strongest_eddies_m_s: float = 5.0
-    #: Correlation time of turbulence, s.
-    longest_eddies_s: float = 1e5
+    largest_seed: int = 2**53  #: Whole numbers up to here are exact in JSON and in floating point.
+    fastest_water_m_s: float = 15.0  #: The fastest tidal streams run at 10 m/s.
+    most_substeps: int = 10_000  #: Steps of the integration in a control period.
+    planned_ratio: float = 3.0  #: Longest flight over its planned time: room for currents.
+    waiting_s: float = 300.0  #: Time beyond that, s: room for waiting.
+    most_logged: int = 2_500_000  #: Rows of a log: a row and its table take 2.5 kB.
+    most_flown: int = 100_000_000  #: Control periods of a flight.
+    largest_supply_v: float = 1000.0  #: A larger supply was given in mV.
+    strongest_eddies_m_s: float = 5.0  #: Standard deviation of turbulence, m/s.
+    longest_eddies_s: float = 1e5  #: Correlation time of turbulence, s.
 
 
 FLIGHT_LIMITS = FlightLimits()
@@ -80,10 +70,7 @@ def within(name: str, value: Any, ends: tuple[float, float], unit: str) -> None:
 
 
 def checked_seed(seed: Any) -> int:
-    """A seed that is one.
-
-    Raises SimulationError where it is none.
-    """
+    """A seed that is one, else a SimulationError."""
     whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
     if not whole or not 0 <= seed < FLIGHT_LIMITS.largest_seed:
         raise SimulationError(f"seed: expected a whole number from 0 to 2^53 - 1, found {seed!r}")
@@ -125,12 +112,8 @@ def checked_list(name: str, values: Any, kind: type, example: str) -> tuple[Any,
 
 def checked_vector(name: str, value: Any) -> tuple[float, float, float]:
     """North, east, down of a velocity of water, m/s."""
-    rows = checked_rows(name, value)
-    if rows.ndim != 1:
-        raise SimulationError(
-            f"{name}: expected three finite numbers, north, east, down in m/s, found {value!r}"
-        )
-    return float(rows[0]), float(rows[1]), float(rows[2])
+    checked_rows(name, value)
+    return checked_triple(name, value, "north, east, down in m/s")
 
 
 def checked_rows(name: str, value: Any) -> Array:
@@ -211,16 +194,8 @@ def longest(path: Route, autopilot: Autopilot, max_time_s: float | None, *, logs
 
 
 def checked_turbulence(given: Any, what: str = "turbulence") -> tuple[float, float, float]:
-    """Standard deviations north, east, down, m/s; one number is that of both horizontal components.
-
-    `what` is what they are of, as messages call it.
-
-    Raises SimulationError where it is none.
-
-    Examples
-    --------
-    >>> checked_turbulence(0.1)
-    (0.1, 0.1, 0.0)
+    """Standard deviations north, east, down, m/s; one number is that of both horizontal components. `what`
+    they are of is what messages call them.
     """
     if is_number(given):
         given = (given, given, 0.0)
@@ -234,10 +209,7 @@ def checked_turbulence(given: Any, what: str = "turbulence") -> tuple[float, flo
 
 
 def checked_times(given: Any) -> tuple[float, float]:
-    """Two time constants of a turbulent current, s.
-
-    Raises SimulationError where they are none.
-    """
+    """Two time constants of a turbulent current, s."""
     values = list(given) if isinstance(given, tuple | list) else []
     if len(values) != 2 or not all(
         is_number(x) and 0.01 <= x <= FLIGHT_LIMITS.longest_eddies_s for x in values
@@ -250,10 +222,7 @@ def checked_times(given: Any) -> tuple[float, float]:
 
 
 def checked_obstacles(given: Any) -> tuple[tuple[float, float, float], ...]:
-    """Cylinders: north, east and radius of each, m.
-
-    Raises SimulationError where one of them is none.
-    """
+    """Cylinders: north, east and radius of each, m."""
     cylinders = []
     for place, obstacle in enumerate(given):
         row = list(obstacle) if isinstance(obstacle, tuple | list | np.ndarray) else []
@@ -277,15 +246,7 @@ _EXAMPLE = '("yaw", base, scale, lower, upper, target, clock)'
 def checked_set_points(
     given: Any, what: str = "set_points"
 ) -> tuple[dict[str, Array] | None, dict[str, int]]:
-    """Set points by name, and the number of cases of those that differ from case to case.
-
-    Raises SimulationError where they are no arrays by name.
-
-    Examples
-    --------
-    >>> checked_set_points({"times": [0.0, 5.0], "speed": [1.0, 1.5], "heading": [[0.0, 0.1], [0.0, 0.2]]})[1]
-    {'set_points: heading': 2}
-    """
+    """Set points by name, and the number of cases of those that differ from case to case."""
     if given is None:
         return None, {}
     if not isinstance(given, Mapping):
@@ -294,21 +255,17 @@ def checked_set_points(
             f" {given!r}"
         )
     arrays = {str(name): _array(f"{what}: {name}", values) for name, values in given.items()}
-    times = arrays.get("times", np.empty(0)).size
-    cases = {}
-    for name, values in arrays.items():
-        # At a single time a row of values is one for each case.
-        alone = values.ndim == 1 and times == 1 and values.size > 1
-        if name != "times" and (values.ndim > 1 or alone):
-            cases[f"{what}: {name}"] = len(values)
-    return arrays, cases
+    # At a single time a row of values is one for each case.
+    single = arrays.get("times", np.empty(0)).size == 1
+    return arrays, {
+        f"{what}: {name}": len(values)
+        for name, values in arrays.items()
+        if name != "times" and (values.ndim > 1 or (values.ndim == 1 and single and values.size > 1))
+    }
 
 
 def checked_corridors(given: Any) -> tuple[list[Corridor], dict[str, int]]:
-    """Corridors, and the number of cases of bases and scales that differ from case to case.
-
-    Raises SimulationError where one of them is none.
-    """
+    """Corridors, and the number of cases of bases and scales that differ from case to case."""
     corridors: list[Corridor] = []
     cases = {}
     for place, row in enumerate(checked_list("corridors", given, str, _EXAMPLE)):

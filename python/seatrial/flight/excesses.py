@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from seatrial.base.arrays import Array, Mask
-from seatrial.flight.metrics import METRIC_SETTINGS
+from seatrial.flight.metrics import SETTINGS as METRIC_SETTINGS
 
 
 @dataclass(frozen=True)
@@ -25,21 +25,17 @@ class ExcessSettings:
 
     #: Height above the surface, m, from which a vehicle has left the water: less is a wave.
     in_the_air_m: float = 0.1
-    #: Beyond a limit of the mission, m: less is the ripple of a loop.
-    off_limit_m: float = 0.05
-    #: Pitch angle, deg, beyond which neither coefficients nor loops hold.
-    steep_deg: float = 45.0
-    #: Below it two distances are the same, m.
-    rounding_m: float = 1e-6
+    off_limit_m: float = 0.05  #: Beyond a limit of the mission, m: less is the ripple of a loop.
+    steep_deg: float = 45.0  #: Pitch angle, deg, beyond which neither coefficients nor loops hold.
+    rounding_m: float = 1e-6  #: Below it two distances are the same, m.
 
 
-EXCESS_SETTINGS = ExcessSettings()
+SETTINGS = ExcessSettings()
 
 
 def too_near(metrics: Mapping[str, Any], promised_m: ArrayLike) -> Mask:
-    """Whether the hull touched something, or came nearer than promised by more than a tenth, (k,).
-
-    `metrics` of flights by name, (k,) each; `promised_m`: what the mission of each promises, 0 where nothing.
+    """Whether the hull touched something, or came nearer than promised (m, 0 where nothing is) by over a
+    tenth, (k,).
     """
     clear, reserve = (np.asarray(metrics[name]) for name in ("clearance_m", "clearance_reserve_m"))
     return np.asarray((clear <= 0.0) | (reserve < -METRIC_SETTINGS.short_of_promise * np.asarray(promised_m)))
@@ -47,7 +43,7 @@ def too_near(metrics: Mapping[str, Any], promised_m: ArrayLike) -> Mask:
 
 def promise_counts(clear_m: float, reserve_m: float) -> bool:
     """Whether a promise was what came nearest to being broken, and not an obstacle that has none."""
-    return reserve_m < clear_m - EXCESS_SETTINGS.rounding_m
+    return reserve_m < clear_m - SETTINGS.rounding_m
 
 
 def touched(metrics: Mapping[str, Any]) -> Mask:
@@ -57,23 +53,19 @@ def touched(metrics: Mapping[str, Any]) -> Mask:
 
 def too_deep(metrics: Mapping[str, Any], max_depth_m: ArrayLike) -> Mask:
     """Whether the vehicle truly went deeper than the mission's largest depth, (k,)."""
-    return np.asarray(
-        np.asarray(metrics["depth_largest_m"]) > np.asarray(max_depth_m) + EXCESS_SETTINGS.off_limit_m
-    )
+    return np.asarray(np.asarray(metrics["depth_largest_m"]) > np.asarray(max_depth_m) + SETTINGS.off_limit_m)
 
 
 def too_low(metrics: Mapping[str, Any], min_altitude_m: ArrayLike) -> Mask:
     """Whether the vehicle truly came nearer to the bottom than the mission's least altitude, (k,)."""
     return np.asarray(
-        np.asarray(metrics["altitude_smallest_m"]) < np.asarray(min_altitude_m) - EXCESS_SETTINGS.off_limit_m
+        np.asarray(metrics["altitude_smallest_m"]) < np.asarray(min_altitude_m) - SETTINGS.off_limit_m
     )
 
 
 def unkept(metrics: Mapping[str, Any], promised_m: ArrayLike, limits: Mapping[str, float]) -> dict[str, Mask]:
     """What keeps flights from being complete, whatever the autopilot perceived: (k,) by kind of excess.
-
-    `metrics` and `promised_m` as for `too_near`; `limits`: ``max_depth_m`` and ``min_altitude_m`` of the
-    mission.
+    `limits` are ``max_depth_m`` and ``min_altitude_m`` of the mission.
     """
     broken = {}
     for kind, ranges in broken_in(promised_m, limits).items():
@@ -86,13 +78,12 @@ def broken_in(
     promised_m: ArrayLike, limits: Mapping[str, float]
 ) -> dict[str, list[tuple[str, ArrayLike, ArrayLike]]]:
     """Ranges of metrics in which a flight is not complete: name, lowest and highest value in m, both inside.
-
-    The page of a report judges its flights by the same ranges. Arguments as for `unkept`.
+    The page of a report judges its flights by the same ranges.
     """
     infinity = math.inf
     short = np.nextafter(-METRIC_SETTINGS.short_of_promise * np.asarray(promised_m, dtype=float), -infinity)
-    low = float(np.nextafter(limits["min_altitude_m"] - EXCESS_SETTINGS.off_limit_m, -infinity))
-    deep = float(np.nextafter(limits["max_depth_m"] + EXCESS_SETTINGS.off_limit_m, infinity))
+    low = float(np.nextafter(limits["min_altitude_m"] - SETTINGS.off_limit_m, -infinity))
+    deep = float(np.nextafter(limits["max_depth_m"] + SETTINGS.off_limit_m, infinity))
     above_bottom = float(np.nextafter(0.0, infinity))
     return {
         "too_near": [("clearance_m", -infinity, 0.0), ("clearance_reserve_m", -infinity, short)],
@@ -104,11 +95,9 @@ def broken_in(
 
 @dataclass(frozen=True)
 class Excess:
-    """Flights of many that did what every user calls a failure, whatever is required of them.
-
-    `kind`: key of `KINDS`. `count`, `of`: flights that did, and flights in all. `worst`: place of the one
-    that went farthest. `value`, `limit`: what it came to, and the limit that it broke, in the unit of the
-    kind; NaN where there is none. `at_s`: when, s; NaN where it is not known.
+    """Flights of many (`count` of `of`) that did what every user calls a failure of a kind of `KINDS`.
+    `worst` is the place of the flight that went farthest, `value` what it came to and `limit` what it
+    broke, in the unit of the kind, `at_s` when; NaN where there is none.
     """
 
     kind: str
@@ -121,25 +110,13 @@ class Excess:
 
     def to_dict(self) -> dict[str, Any]:
         """The same as plain data; ``worst`` is the place of the flight among all."""
-        return {
-            "kind": self.kind,
-            "count": self.count,
-            "of": self.of,
-            "share": self.count / self.of,
-            "worst": self.worst,
-            "value": self.value,
-            "limit": self.limit,
-            "unit": KINDS[self.kind].unit,
-            "at_s": self.at_s,
-        }
+        return {**vars(self), "share": self.count / self.of, "unit": KINDS[self.kind].unit}
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of excess.
-
-    `unit`: of value and limit. `metrics`: metrics of which any is asked for where a requirement decides on
-    this kind by itself. `time`: metric with the time at which it happened; empty where none is kept.
+    """A kind of excess: unit of value and limit, the `metrics` of which any is asked for where a requirement
+    decides on this kind by itself, and the metric with the `time` at which it happened.
     """
 
     unit: str
@@ -169,26 +146,17 @@ def excesses(
     complete: ArrayLike = True,
     battery_wh: float = math.inf,
 ) -> list[Excess]:
-    """Excesses of flights, in the order of `KINDS`; none of a kind that no flight has.
-
-    `metrics`: metrics of flights by name, (k,) each. `promised_m`, `max_depth_m`, `min_altitude_m`: what the
-    mission of each promises and allows, m, (k,) or one number. `complete`: whether each flew its mission to
-    the end, (k,). `battery_wh`: energy of a full battery, Wh; infinite where it is not known.
+    """Excesses of flights, in the order of `KINDS`. Metrics by name, (k,) each; (k,) or one number: what the
+    mission of each promises and allows, m, and whether it was flown to its end. `battery_wh`: energy of a
+    full battery.
     """
-    clear, altitude, shallowest, deepest, pitch, beyond = (
-        np.asarray(metrics[name], dtype=float)
-        for name in (
-            "clearance_m",
-            "altitude_smallest_m",
-            "depth_smallest_m",
-            "depth_largest_m",
-            "pitch_largest_deg",
-            "clearance_reserve_m",
-        )
+    names = "clearance_m clearance_reserve_m altitude_smallest_m depth_smallest_m depth_largest_m"
+    clear, beyond, altitude, shallowest, deepest, pitch = (
+        np.asarray(metrics[name], dtype=float) for name in f"{names} pitch_largest_deg".split()
     )
     energy = np.asarray(metrics.get("energy_wh", np.zeros_like(clear)), dtype=float)
     # What came nearest to being broken may be an obstacle without a promise: then zero is the limit.
-    promised = np.where(beyond < clear - EXCESS_SETTINGS.rounding_m, np.asarray(promised_m, dtype=float), 0.0)
+    promised = np.where(beyond < clear - SETTINGS.rounding_m, np.asarray(promised_m, dtype=float), 0.0)
     down = touched(metrics)
     # By kind: which flights, the value that is told, what is smallest in the worst flight, and the limit.
     kinds: dict[str, tuple[Mask, Array, Array, ArrayLike]] = {
@@ -196,8 +164,8 @@ def excesses(
         "bottom_touched": (down, altitude, altitude, 0.0),
         "too_low": (too_low(metrics, min_altitude_m) & ~down, altitude, altitude, min_altitude_m),
         "too_deep": (too_deep(metrics, max_depth_m), deepest, -deepest, max_depth_m),
-        "above_surface": (shallowest < -EXCESS_SETTINGS.in_the_air_m, shallowest, shallowest, 0.0),
-        "too_steep": (pitch > EXCESS_SETTINGS.steep_deg, pitch, -pitch, EXCESS_SETTINGS.steep_deg),
+        "above_surface": (shallowest < -SETTINGS.in_the_air_m, shallowest, shallowest, 0.0),
+        "too_steep": (pitch > SETTINGS.steep_deg, pitch, -pitch, SETTINGS.steep_deg),
         "not_complete": (
             np.broadcast_to(~np.asarray(complete, dtype=bool), clear.shape),
             np.full_like(clear, math.nan),
@@ -210,16 +178,8 @@ def excesses(
     for kind, (mask, value, least, limit) in kinds.items():
         if mask.any():
             k = int(np.argmin(np.where(mask, least, math.inf)))
-            when = KINDS[kind].time
-            exceeded.append(
-                Excess(
-                    kind,
-                    int(mask.sum()),
-                    len(mask),
-                    k,
-                    float(value[k]),
-                    float(np.broadcast_to(limit, mask.shape)[k]),
-                    float(metrics[when][k]) if when else math.nan,
-                )
-            )
+            when, of = KINDS[kind].time, len(mask)
+            at_s = float(metrics[when][k]) if when else math.nan
+            broken = float(np.broadcast_to(limit, mask.shape)[k])
+            exceeded.append(Excess(kind, int(mask.sum()), of, k, float(value[k]), broken, at_s))
     return exceeded

@@ -22,8 +22,8 @@ import numpy as np
 from seatrial._core import autopilot_names
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.finding import Finding, Severity
-from seatrial.flight import excesses, reactions
-from seatrial.flight.excesses import EXCESS_SETTINGS, too_deep, too_low, touched
+from seatrial.flight.excesses import SETTINGS as EXCESS_SETTINGS
+from seatrial.flight.excesses import promise_counts, too_deep, too_low, too_near, touched
 from seatrial.flight.metrics import DIVERGED, Leg, Loop, saturated
 from seatrial.vehicle.actuators import beyond_tables, commanded_rows
 from seatrial.vehicle.stability import growth, statics
@@ -36,10 +36,8 @@ if TYPE_CHECKING:
 class FlightFindingSettings:
     """From when something on a flight is worth a finding, and what explains it."""
 
-    #: Time over which the steepness of a path is taken, s.
-    steepness_s: float = 5.0
-    #: Slope of a leg over what guidance allows, from which the leg is too steep.
-    slope_ratio: float = 1.05
+    steepness_s: float = 5.0  #: Time over which the steepness of a path is taken, s.
+    slope_ratio: float = 1.05  #: Slope of a leg over what guidance allows, from which the leg is too steep.
     #: Slope of a leg over what was flown, from which the vehicle lagged behind it.
     lagging_ratio: float = 1.25
     #: Share of a leg's slope that was flown below which its loop does not change the depth at all.
@@ -50,14 +48,11 @@ class FlightFindingSettings:
     buoyant_share: float = 0.01
     #: Net buoyancy over the heave loop's limit: less leaves enough to change the depth.
     carried_share: float = 0.5
-    #: Time of a flight over the planned one from which it was late.
-    late_ratio: float = 1.2
-    #: Delay from which a flight was late, s.
-    late_s: float = 30.0
+    late_ratio: float = 1.2  #: Time of a flight over the planned one from which it was late.
+    late_s: float = 30.0  #: Delay from which a flight was late, s.
     #: Share of a loop's time in saturation that is worth a word: less is a turn or a start.
     saturated_share: float = 0.05
-    #: Error of the position that the autopilot was told, m: less explains no miss.
-    off_m: float = 0.05
+    off_m: float = 0.05  #: Error of the position that the autopilot was told, m: less explains no miss.
     #: Pitch, rad, off its demand from which a hull that no loop holds has left its trim: waves and starts of
     #: a built-in hovering vehicle pitch it by less than half of that.
     tilted: float = math.radians(20.0)
@@ -77,7 +72,7 @@ class Result(NamedTuple):
     metrics: Mapping[str, float]
     legs: Sequence[Leg]
     loops: Mapping[str, Loop]
-    alerts: Sequence[reactions.Alert]
+    alerts: Sequence[Alert]
 
 
 def findings(flight: FlightLog, result: Result) -> tuple[Finding, ...]:
@@ -94,14 +89,10 @@ def _grave(flight: FlightLog, result: Result) -> list[Finding]:
     """What made a flight fail or put the vehicle at risk, the gravest first; empty for a good flight."""
     if result.outcome == DIVERGED:
         return [Finding("diverged", Severity.DANGER)]
-    wrong = (
-        [_nearness(flight, result.metrics)]
-        if excesses.too_near(result.metrics, flight.mission.promised_m)
-        else []
-    )
+    wrong = [_nearness(flight, result.metrics)] if too_near(result.metrics, flight.mission.promised_m) else []
     wrong += broken_limits(flight, result.metrics)
     if result.alerts:
-        called = reactions.called_for(flight, result.alerts, wrong)
+        called = called_for(flight, result.alerts, wrong)
         if result.metrics["pitch_largest_deg"] > EXCESS_SETTINGS.steep_deg:
             called = [
                 finding.because(Finding("loops doubtful", Severity.DANGER))
@@ -139,9 +130,9 @@ def beyond_the_model(flight: FlightLog, metrics: Mapping[str, float]) -> list[Fi
 def tilt(flight: FlightLog) -> Finding | None:
     """That the hull tilted in a mode in which no loop holds its pitch; None where it did not.
 
-    The destabilising (Munk) moment grows with the speed squared, the righting moment is that of the buoyancy
-    over the weight: above a speed pitch is unstable (Fossen 2011, chapter 12), and thrust beside the centre
-    tilts a hull at any speed. Where the actuators can command pitch, a loop is what is missing.
+    The destabilising (Munk) moment grows with the speed squared, the righting moment does not: above a speed
+    pitch is unstable (Fossen 2011, chapter 12), and thrust beside the centre tilts a hull at any speed. Where
+    the actuators can command pitch, a loop is what is missing.
     """
     free = [k for k, mode in enumerate(flight.autopilot.modes) if "pitch" not in mode["loop_names"]]
     rows = flight.under_way & np.isin(flight.mode, free)
@@ -215,7 +206,7 @@ def _nearness(flight: FlightLog, metrics: Mapping[str, float]) -> Finding:
 def clearance(flight: FlightLog, metrics: Mapping[str, float]) -> dict[str, Any]:
     """How near the hull came to what stands in the water, when and where, and what was promised, m."""
     clear, reserve = metrics["clearance_m"], metrics["clearance_reserve_m"]
-    counts = excesses.promise_counts(clear, reserve)
+    counts = promise_counts(clear, reserve)
     promised = flight.mission.promised_m if counts else math.nan
     values = {"clearance_m": clear, "reserve_m": reserve, "promised_m": promised}
     return values | _at(flight, metrics["clearance_time_s"])
@@ -265,6 +256,7 @@ def broken_limits(flight: FlightLog, metrics: Mapping[str, float]) -> list[Findi
         since = float(flight.t[int(np.argmax(rows))])
         return Finding(kind, Severity.DANGER, name, values | where(flight, row), at_s=since)
 
+    # Each limit is told where it was broken furthest, and began when it was broken first.
     if touched(metrics):
         wrong.append(broken("bottom touched", lowest, altitude <= 0.0))
     elif too_low(metrics, least):
@@ -291,13 +283,12 @@ def broken_limits(flight: FlightLog, metrics: Mapping[str, float]) -> list[Findi
 
 
 def wrong_position(flight: FlightLog, until_s: float, *, off_m: float = math.nan) -> Finding:
-    """That the position was wrong: by an outage that was asked for and had begun, and what the flight had.
-
-    The outage counts where it began before `until_s`; `off_m`: how far off the position was.
+    """That the position was wrong, by `off_m` if that is known, because of an outage that had begun before
+    `until_s`.
     """
-    missing = any(reactions.injected(flight, group, math.inf) for group in ("position", "velocity", "water"))
+    missing = any(injected(flight, group, math.inf) for group in ("position", "velocity", "water"))
     values = {
-        "outage": reactions.injected(flight, "position", until_s) if math.isnan(off_m) else "",
+        "outage": injected(flight, "position", until_s) if math.isnan(off_m) else "",
         "off_m": off_m,
         "filtered": flight.circumstances.navigation == "filter",
         "missing": missing,
@@ -306,14 +297,7 @@ def wrong_position(flight: FlightLog, until_s: float, *, off_m: float = math.nan
 
 
 def outside(points: Array, fence: Array) -> Array:
-    """Distance (n,), m, of points (n, 2) to a fence (m, 2) where they are outside of it, else 0.
-
-    Examples
-    --------
-    >>> square = np.array([[0.0, 0.0], [0.0, 4.0], [4.0, 4.0], [4.0, 0.0]])
-    >>> outside(np.array([[2.0, 2.0], [2.0, 5.5], [-3.0, -4.0]]), square).tolist()
-    [0.0, 1.5, 5.0]
-    """
+    """Distance (n,), m, of points (n, 2) to a fence (m, 2) where they are outside of it, else 0."""
     inside = np.zeros(len(points), dtype=bool)
     nearest = np.full(len(points), np.inf)
     north, east = points.T
@@ -360,10 +344,9 @@ def missed_waypoint(flight: FlightLog, k: int, leg: Leg) -> Finding:
 
 
 def out_of_trim(flight: FlightLog, by: str, *, shallow: bool | None = None) -> Finding | None:
-    """Net buoyancy that explains why the loop that changes the depth ("heave" or "pitch") is at its limit.
-
-    `shallow`: whether the vehicle was too shallow, which only buoyancy explains, or too deep; either if
-    omitted. None where the net buoyancy is small against what the loop can do.
+    """Net buoyancy that explains why the loop of the depth ("heave" or "pitch") is at its limit; None where
+    it is small against what the loop can do, or contradicts that the vehicle was too `shallow` or too
+    deep.
     """
     rest = statics(flight.vehicle)
     limit = float(flight.autopilot.loops().get("heave", {}).get("tau_max", 0.0))
@@ -438,10 +421,8 @@ def off_course(flight: FlightLog, legs: Sequence[Leg]) -> Finding | None:
 
 @dataclass(frozen=True)
 class _Slope:
-    """Slope of a leg, what the autopilot asks for at most, and the steepest that was flown, rad.
-
-    ``depth_m`` and ``length_m`` are the change of depth, positive down, and the horizontal length, m;
-    ``limited_by`` is the key of ``[guidance]`` that limits it.
+    """Slope of a leg, what the autopilot asks for at most, and the steepest that was flown, rad; change of
+    depth, positive down, and horizontal length, m; the key of ``[guidance]`` that limits it.
     """
 
     depth_m: float
@@ -484,9 +465,8 @@ class _Slope:
         return self.asked > SETTINGS.lagging_ratio * self.flown > 0.0
 
     def finding(self, *, missed: bool = True) -> Finding:
-        """The slope against what is possible, and how long the leg has to be.
-
-        `missed`: whether a waypoint was missed for it, or only reached late.
+        """The slope against what is possible, and how long the leg has to be, for a waypoint that was missed
+        or late.
         """
         reach = min(self.limit, self.flown) if self.lagging else self.limit
         values = {
@@ -541,3 +521,121 @@ def _planned(flight: FlightLog, k: int) -> float:
     path = flight.route
     down = 0.0 if path.follows_bottom(k) else float(path.stops[k].position[2] - path.before(k)[2])
     return math.hypot(path.length(k), down) / path.stops[k].speed
+
+
+GROUPS = {
+    "position": "position",
+    "depth": "depth",
+    "attitude": "attitude",
+    "velocity": "velocity over ground",
+    "rates": "turn rates",
+    "altitude": "altitude",
+}
+"""What a group of channels is called, by its name in ``stale_…``."""
+
+
+def group(watch: str) -> str:
+    """Group of channels whose samples a watch misses ("stale_velocity": "velocity"); empty for the other
+    watches.
+    """
+    return watch.removeprefix("stale_") if watch.startswith("stale_") else ""
+
+
+def reaction_key(watch: str) -> str:
+    """Key under ``[safety]`` of the reaction to a watch, such as "depth" or "stale_velocity.reaction"."""
+    watch = watch.replace("contradicted_", "stale_") if watch.startswith("contradicted_") else watch
+    watch = "stale_depth" if watch == "ascent" else watch
+    alone = watch in ("depth", "altitude", "fence", "time")
+    return watch if alone else f"{watch}.reaction"
+
+
+def patience(watch: str, safety: Mapping[str, Any]) -> float:
+    """For how long a watch waits after what it misses was there last, s; `safety` is that of
+    ``Autopilot.safety()``.
+    """
+    if watch.startswith("contradicted_"):
+        watch = "contradiction"
+    table = safety.get(watch)
+    return float(table.get("after_s", 0.0)) if isinstance(table, Mapping) else 0.0
+
+
+@dataclass(frozen=True)
+class ReactionSettings:
+    """When a vehicle that is to come up does not."""
+
+    rising_m_s: float = 0.02  #: Slower it does not come up, m/s.
+    lately_s: float = 10.0  #: Time over which that is told, s.
+
+
+REACTIONS = ReactionSettings()
+
+
+@dataclass(frozen=True)
+class Alert:
+    """A reaction of the autopilot's safety: when, what it did, why."""
+
+    t_s: float
+    reaction: str
+    cause: str
+
+
+def injected(flight: FlightLog, group: str, at_s: float) -> str:
+    """The outage of a group of channels that was asked for and had begun by a time, in words, or ""."""
+    begun = [
+        outage for outage in flight.circumstances.outages if outage.group == group and outage.from_s <= at_s
+    ]
+    return begun[-1].sentence() if begun else ""
+
+
+def called_for(flight: FlightLog, alerts: Sequence[Alert], others: Sequence[Finding]) -> list[Finding]:
+    """The first reaction, why, and what became of the vehicle, in its place among `others`, gravest first:
+    before them where the vehicle did not come up, or where its cause began before theirs.
+    """
+    first = alerts[0]
+    missed = group(first.cause)
+    waited = patience(first.cause, flight.autopilot.safety())
+    begun = first.t_s - waited
+    earlier = any(finding.at_s > begun for finding in others)
+    after = ascent(flight, alerts)
+    values = {
+        "reaction": first.reaction,
+        "watch": first.cause,
+        "called_s": first.t_s,
+        "waited_s": waited,
+        "group": missed,
+        "outage": injected(flight, missed, first.t_s),
+        # A watch of samples that waited while something else went wrong waited too long.
+        "too_patient": bool(earlier and missed),
+        **after,
+    }
+    called = Finding("safety reaction", Severity.DANGER, flight.vehicle.name, values, at_s=begun)
+    lost = after.get("ended") in ("sank", "stayed")
+    return [called, *others] if earlier or lost else [*others, called]
+
+
+def ascent(flight: FlightLog, alerts: Sequence[Alert]) -> dict[str, Any]:
+    """What became of a vehicle that was to come up and was not up at the end; empty where it was. ``ended``
+    is "rising" where it only was not given the time, "sank" or "stayed".
+    """
+    if not alerts or alerts[-1].reaction not in ("surface", "abort"):
+        return {}
+    last, depth = alerts[-1], flight.position[:, 2]
+    begins, lately = np.searchsorted(flight.t, (last.t_s, flight.t[-1] - REACTIONS.lately_s))
+    since = float(flight.t[-1]) - last.t_s
+    highest = float(np.nanmin(depth[begins:]))
+    up = highest <= flight.autopilot.safety()["surfaced_above_m"]
+    if up or since < REACTIONS.lately_s or not math.isfinite(depth[-1]):
+        return {}
+    rising = float((depth[lately] - depth[-1]) / (flight.t[-1] - flight.t[lately]))
+    sank = depth[-1] > depth[begins] + 0.1  # less is the way on of a hull under way
+    return {
+        "ended": "rising" if rising > REACTIONS.rising_m_s else "sank" if sank else "stayed",
+        "since_s": since,
+        "rising_m_s": rising,
+        "begun_m": float(depth[begins]),
+        "ended_m": float(depth[-1]),
+        "net_n": statics(flight.vehicle).net_n,
+        "down_m_s": float(flight.circumstances.current[2]),
+        "last_reaction": last.reaction,
+        "last_watch": last.cause,
+    }

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import polars as pl
 
     from seatrial._core import Autopilot, Flights, Vehicle
-    from seatrial.flight.circumstances import Circumstances
+    from seatrial.flight.conditions import Circumstances
     from seatrial.flight.mission import Mission, Route
 
 Numbers = NDArray[np.int64]
@@ -34,38 +34,17 @@ Numbers = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class FlightLog:
-    """Log of a flight with what it rests on.
+    """Log of a flight with what it rests on: n rows, a control period each; SI and rad.
 
-    Attributes
-    ----------
-    vehicle, autopilot, mission, route
-        What flew, and the mission's waypoints.
-    circumstances
-        Current, sensors, faults, outages, seed: what the flight was exposed to.
-    period_s, t
-        Control period; times (n,), s.
-    position, euler, nu
-        True motion: NED in m, roll pitch yaw in rad, m/s and rad/s; (n, 3), (n, 3), (n, 6).
-    altitude, water
-        Above the bottom, (n,), m (infinite without one); velocity through the water, (n, 3), m/s.
-    measured
-        What the autopilot was told, by channel, (n,).
-    desired
-        By guidance: speed, lateral, heading, pitch, depth, (n,).
-    errors
-        cross_track, vertical (as guidance perceived them, m), and per loop desired less true, (n,).
-    distance, leg, holding, done
-        To the active waypoint, m; its index; whether station was kept; whether all was done; (n,).
-    mode, modes
-        Index of the mode, (n,), and the names.
-    alert, cause
-        Level of the reaction and number of the watch that called for it, (n,); `alerts` in words.
-    commands, actuators
-        Asked for, and done by the actuators, {name: (n,)} in the unit of the command.
-    demanded, achieved
-        Wrench of the loops, and what the allocation reached of it, (n, 6), N and N m.
-    power, battery
-        Electrical power, W, and share of the charge that is left, (n,).
+    `position` (NED), `euler` and `nu` (n, 6) are the true motion, `water` (n, 3) is the velocity through the
+    water, `altitude` (n,) infinite without a bottom. By name (n,): what the autopilot was told (`measured`),
+    what guidance wanted (`desired`), the errors that guidance perceived and those of the loops, desired less
+    true (`errors`), what was asked of the actuators (`commands`) and done by them (`actuators`), in the unit
+    of the command. `demanded` and `achieved` (n, 6) are the wrench of the loops and what the allocation
+    reached of it. `leg` and `distance` are those of the active waypoint, `holding` and `done` tell whether
+    station was kept and whether all was done, `mode` is a place in `modes`; `alert` and `cause` are the level
+    of the safety reaction and the number of the watch that called for it; `power` is electrical, W, `battery`
+    the share of the charge that is left.
     """
 
     vehicle: Vehicle
@@ -162,6 +141,7 @@ def log_fields(flights: Flights, vehicle: Vehicle, autopilot: Autopilot, case: i
         return np.asarray(np.nan_to_num(columns[name]).astype(np.int64))
 
     desired = {name: columns[f"desired_{name}"] for name in _DESIRED}
+    # A row that diverged has no mode, yet every row has to name one.
     mode = np.clip(whole("mode"), 0, len(modes) - 1)
     by_pitch = np.array([entry["depth_by"] == "pitch" for entry in modes])[mode]
     return {

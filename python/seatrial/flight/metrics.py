@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -50,17 +50,13 @@ class FlightMetricSettings:
 
     #: Share of the distance promised by a mission by which a flight may fall short of it.
     short_of_promise: float = 0.1
-    #: An error of a position in m from which it is worth a word.
-    off_m: float = 0.05
-    #: Share of a limit from which a demand is at it: rounding is not saturated.
-    at_limit: float = 0.999
-    #: Part of a demand, N or N m, that rounding leaves unmet.
-    unmet: float = 0.01
-    #: N or N m per newton: an actuator that does not act in a row.
-    nothing: float = 1e-9
+    off_m: float = 0.05  #: An error of a position in m from which it is worth a word.
+    at_limit: float = 0.999  #: Share of a limit from which a demand is at it: rounding is not saturated.
+    unmet: float = 0.01  #: Part of a demand, N or N m, that rounding leaves unmet.
+    nothing: float = 1e-9  #: N or N m per newton: an actuator that does not act in a row.
 
 
-METRIC_SETTINGS = FlightMetricSettings()
+SETTINGS = FlightMetricSettings()
 
 
 CODED = ("ending", "alert", "alert_cause", "alert_time_s")
@@ -68,49 +64,36 @@ CODED = ("ending", "alert", "alert_cause", "alert_time_s")
 
 _DEG = 180.0 / math.pi  # degrees in a radian
 
-_NAMES = {
-    "duration": ("duration_s", 1.0),
-    "distance": ("distance_m", 1.0),
-    "energy": ("energy_wh", 1.0 / 3600.0),
-    "cross_track_largest": ("cross_track_largest_m", 1.0),
-    "cross_track_rms": ("cross_track_rms_m", 1.0),
-    "true_cross_track_largest": ("true_cross_track_largest_m", 1.0),
-    "true_cross_track_rms": ("true_cross_track_rms_m", 1.0),
-    "vertical_largest": ("vertical_largest_m", 1.0),
-    "vertical_rms": ("vertical_rms_m", 1.0),
-    "excursion": ("depth_excursion_m", 1.0),
-    "depth_largest": ("depth_largest_m", 1.0),
-    "altitude_smallest": ("altitude_smallest_m", 1.0),
-    "waypoints": ("waypoints_behind", 1.0),
-    "missed_by": ("missed_by_m", 1.0),
-    "switches": ("switches_per_minute", 1.0),
-    "alert_time": ("alert_time_s", 1.0),
-    "roll_largest": ("roll_largest_deg", _DEG),
-    "pitch_largest": ("pitch_largest_deg", _DEG),
-    "clearance": ("clearance_m", 1.0),
-    "clearance_time": ("clearance_time_s", 1.0),
-    "clearance_reserve": ("clearance_reserve_m", 1.0),
-    "depth_smallest": ("depth_smallest_m", 1.0),
-    "depth_smallest_time": ("depth_smallest_time_s", 1.0),
-    "roll_time": ("roll_time_s", 1.0),
-    "pitch_time": ("pitch_time_s", 1.0),
-    "travel": ("travel_per_s", 1.0),
+_FIGURES = {
+    "m": "distance cross_track_largest cross_track_rms true_cross_track_largest true_cross_track_rms"
+    " vertical_largest vertical_rms depth_largest depth_smallest altitude_smallest missed_by clearance"
+    " clearance_reserve",
+    "s": "duration alert_time clearance_time depth_smallest_time roll_time pitch_time",
+    "deg": "roll_largest pitch_largest",
+    "wh": "energy",
 }
+"""Figures of the core by the unit that their metric carries in its name."""
+
+_RENAMED = {
+    "excursion": "depth_excursion_m",
+    "waypoints": "waypoints_behind",
+    "switches": "switches_per_minute",
+    "travel": "travel_per_s",
+} | {figure: f"{figure}_{unit}" for unit, figures in _FIGURES.items() for figure in figures.split()}
 
 
 def in_metric_units(figure: str) -> tuple[str, float]:
     """Name of the metric of a figure of the core, and the factor from the figure's unit to the metric's."""
-    return _NAMES.get(figure, (figure, 1.0))
+    name = _RENAMED.get(figure, figure)
+    return name, {"deg": _DEG, "wh": 1.0 / 3600.0}.get(name.rpartition("_")[2], 1.0)
 
 
 _QUANTILES = {"p50": 0.50, "p95": 0.95, "p99": 0.99}
 
 
 def metrics_of(flights: Flights) -> dict[str, Array]:
-    """Metrics of all cases by name, (k,) each; a diverged flight has no duration.
-
-    ``ending``, ``alert`` and ``alert_cause`` are numbers of a list, see `ending_of` and
-    ``seatrial._core.autopilot_names``.
+    """Metrics of all cases by name, (k,) each; a diverged flight has no duration. ``ending``, ``alert`` and
+    ``alert_cause`` are places in lists of ``seatrial._core.autopilot_names``.
     """
     metrics: dict[str, Array] = {}
     for name, values in flights.figures.items():
@@ -125,9 +108,8 @@ def metrics_of(flights: Flights) -> dict[str, Array]:
 
 
 def reserve(clear_m: Array, beyond_m: Array) -> Array:
-    """Smallest clearance beyond what is promised of each obstacle, m, 0 m of one without a promise.
-
-    `clear_m` is that of all obstacles, `beyond_m` that beyond the promise of those that have one.
+    """Smallest clearance beyond what is promised of each obstacle, m, of the clearance of all obstacles (0 m
+    is the promise of one that has none), and that beyond the promise of those that have one.
     """
     # Of an obstacle with a promise the clearance is the larger of the two, so that it does not count here.
     return np.asarray(np.fmin(clear_m, beyond_m))
@@ -135,14 +117,12 @@ def reserve(clear_m: Array, beyond_m: Array) -> Array:
 
 def differs(perceived: float, truly: float) -> bool:
     """Whether a true error is another than the one that was perceived, by more than that one and 5 cm."""
-    return abs(truly - perceived) > max(perceived, METRIC_SETTINGS.off_m)
+    return abs(truly - perceived) > max(perceived, SETTINGS.off_m)
 
 
 def quantile(counts: Array, share: float, *, largest: Array) -> Array:
-    """Quantile (k,), m, of the magnitude of an error from its counts, log-linear between the thresholds.
-
-    `counts` (k, 1 + edges): samples, and those above each of ``seatrial._core.error_edges``. The error is at
-    most the quantile for `share` of the samples; the largest error (k,), m, bounds it.
+    """Quantile (k,), m, of the magnitude of an error, log-linear between thresholds and at most the `largest`
+    error. `counts` (k, 1 + edges): samples, and those above each of ``seatrial._core.error_edges``.
     """
     edges = np.log(np.asarray(error_edges()))
     samples, above = counts[:, :1], counts[:, 1:]
@@ -165,54 +145,39 @@ def ending_of(metrics: Mapping[str, Array], case: int = 0) -> str:
 
 @dataclass(frozen=True)
 class Leg(Plain):
-    """A leg of a flight and the waypoint at its end.
+    """A leg of a flight and the waypoint at its end; NaN is what it does not have, a leg never begun nearly
+    everything.
 
-    Attributes
-    ----------
-    label, task
-        Name of the waypoint; "pass", "hold" or "circle".
-    acceptance_m, smallest_m, perceived_m, reached
-        Radius; smallest true distance (to a circle: to its circumference), and as the sensors showed it;
-        whether the waypoint was reached.
-    begin_s, time_s
-        When the leg began and how long it took; nan if it was never begun.
-    cross_track_mean_m, cross_track_largest_m
-        On the second half: mean, and largest magnitude; nan where it was not flown straight.
-    vertical_mean_m, vertical_largest_m
-        The same of the vertical error.
-    depth_step_m, depth_overshoot_m, depth_overshoot_percent
-        Change of depth, how far the vehicle went beyond the new depth, and as a share; nan without a change.
-    hold_rms_m, hold_largest_m
-        Distance from the waypoint while station was kept, from the arrival within the radius on; nan where it
-        was not.
-    modes
-        Share of the leg's time in each mode.
+    `smallest_m` and `perceived_m` are the smallest distance (to a circle: to its circumference), true and as
+    the sensors showed it; cross-track and vertical errors count on the second half of a straight leg; the
+    overshoot in depth is that beyond the new depth, also as a share of the step; ``hold_…`` is the distance
+    from the waypoint while station was kept, from the arrival within the radius on. `modes`: share of the
+    time in each mode.
     """
 
     label: str
     task: str
     acceptance_m: float
-    smallest_m: float
-    perceived_m: float
-    reached: bool
-    begin_s: float
-    time_s: float
-    cross_track_mean_m: float
-    cross_track_largest_m: float
-    vertical_mean_m: float
-    vertical_largest_m: float
-    depth_step_m: float
-    depth_overshoot_m: float
-    depth_overshoot_percent: float
-    hold_rms_m: float
-    hold_largest_m: float
-    modes: Mapping[str, float]
+    smallest_m: float = math.inf
+    perceived_m: float = math.inf
+    reached: bool = False
+    begin_s: float = math.nan
+    time_s: float = math.nan
+    cross_track_mean_m: float = math.nan
+    cross_track_largest_m: float = math.nan
+    vertical_mean_m: float = math.nan
+    vertical_largest_m: float = math.nan
+    depth_step_m: float = math.nan
+    depth_overshoot_m: float = math.nan
+    depth_overshoot_percent: float = math.nan
+    hold_rms_m: float = math.nan
+    hold_largest_m: float = math.nan
+    modes: Mapping[str, float] = field(default_factory=dict)
 
 
 def true_vertical(flight: FlightLog) -> dict[str, float]:
-    """Metrics of the vertical error by the true depth, where the perceived one counts; nan without such rows.
-
-    Legs that follow the bottom, whose error is not one of depth, are left out.
+    """Metrics of the vertical error by the true depth where the perceived one counts, without legs that
+    follow the bottom; nan without such rows.
     """
     path = flight.route
     legs = range(len(path.stops))
@@ -254,7 +219,8 @@ def _leg(flight: FlightLog, k: int, of_legs: _Rows, near: Array) -> Leg:
     stop = path.stops[k]
     own_rows = of_legs.of(k, k)
     if not len(own_rows):
-        return _never(path, k)
+        # It was never begun.
+        return Leg(stop.label, stop.task, stop.acceptance, depth_step_m=_step(path, k))
     first, last = int(own_rows.min()), int(own_rows.max())
     # The row in which guidance goes on to the next leg is the one in which it perceived the waypoint reached.
     switched = min(last + 1, len(flight.t) - 1)
@@ -292,31 +258,6 @@ def _leg(flight: FlightLog, k: int, of_legs: _Rows, near: Array) -> Leg:
     )
 
 
-def _never(path: Route, k: int) -> Leg:
-    """A leg that was not begun."""
-    stop, nan = path.stops[k], math.nan
-    return Leg(
-        label=stop.label,
-        task=stop.task,
-        acceptance_m=stop.acceptance,
-        smallest_m=math.inf,
-        perceived_m=math.inf,
-        reached=False,
-        begin_s=nan,
-        time_s=nan,
-        cross_track_mean_m=nan,
-        cross_track_largest_m=nan,
-        vertical_mean_m=nan,
-        vertical_largest_m=nan,
-        depth_step_m=_step(path, k),
-        depth_overshoot_m=nan,
-        depth_overshoot_percent=nan,
-        hold_rms_m=nan,
-        hold_largest_m=nan,
-        modes={},
-    )
-
-
 def distance_to_stop(flight: FlightLog, k: int, position: Array, altitude: Array) -> Array:
     """Distance to waypoint `k`, or to its circle, of rows (n, 3) with their altitude (n,), (n,), m."""
     stop = flight.route.stops[k]
@@ -347,9 +288,8 @@ def _overshoot(flight: FlightLog, k: int, of_legs: _Rows) -> tuple[float, float]
     if math.isnan(step):
         return math.nan, math.nan
     last = k
-    while (
-        last + 1 < len(path.stops) and not path.follows_bottom(last + 1) and math.isnan(_step(path, last + 1))
-    ):
+    level = [not path.follows_bottom(i) and math.isnan(_step(path, i)) for i in range(len(path.stops))]
+    while last + 1 < len(path.stops) and level[last + 1]:
         last += 1
     rows = of_legs.of(k, last)
     beyond = math.copysign(1.0, step) * (flight.position[rows, 2] - path.stops[k].position[2])
@@ -369,12 +309,9 @@ _UNITS = (("m/s", "N"), ("m/s", "N"), ("m", "N"), ("deg", "N m"), ("deg", "N m")
 
 @dataclass(frozen=True)
 class Loop(Plain):
-    """A control loop over the time in which it was at work.
-
-    `name`, `time_s`: its name and for how long it was at work. `error_unit`, `error_rms`, `error_largest`:
-    desired less true. `demand_unit`, `demand_rms`, `demand_largest`: what it asked of the actuators.
-    `saturated`: share of its time in which the demand was limited, or not met with an actuator at its limit.
-    `unmet`: share of its time in which the actuators reached something else than the demand.
+    """A control loop over the time in which it was at work: error, desired less true, and demand of the
+    actuators; `saturated`: share of the time in which the demand was limited, or not met with an actuator
+    at its limit; `unmet`: share in which the actuators reached something else.
     """
 
     name: str
@@ -391,11 +328,8 @@ class Loop(Plain):
 
 @dataclass(frozen=True)
 class ActuatorUse(Plain):
-    """What was asked of an actuator.
-
-    `name`, `unit`: its name and the unit of its command. `rms`, `largest`: of the command from neutral.
-    `at_limit`, `running`: share of the time at its largest command, and away from neutral.
-    `switches_per_minute`: starts and stops: how often the command went to or from neutral.
+    """What was asked of an actuator: rms and largest command from neutral, in its unit, share of the time at
+    its largest command and away from neutral, and how often it went to or from neutral.
     """
 
     name: str
@@ -435,19 +369,19 @@ def loops_of(flight: FlightLog) -> dict[str, Loop]:
 def saturated(flight: FlightLog, index: int) -> Mask:
     """Rows (n,) in which a loop's demand stands at its limit, or is not met with an actuator at its limit."""
     limit = _limit(flight, index)
-    acting = np.abs(flight.vehicle.allocation_matrix()[index]) > METRIC_SETTINGS.nothing
+    acting = np.abs(flight.vehicle.allocation_matrix()[index]) > SETTINGS.nothing
     used = [
         _at_limit(flight, name) for name, acts in zip(flight.vehicle.actuators, acting, strict=True) if acts
     ]
     exhausted = np.any(used, axis=0) if used else np.zeros(len(flight.t), dtype=bool)
-    limited = np.abs(flight.demanded[:, index]) >= METRIC_SETTINGS.at_limit * limit
+    limited = np.abs(flight.demanded[:, index]) >= SETTINGS.at_limit * limit
     return np.asarray(flight.active[:, index] & (limited & (limit > 0.0) | unmet(flight, index) & exhausted))
 
 
 def unmet(flight: FlightLog, index: int) -> Mask:
     """Rows (n,) in which the actuators reach something else than a loop demands."""
     limit = _limit(flight, index)
-    short = np.abs(flight.demanded[:, index] - flight.achieved[:, index]) > METRIC_SETTINGS.unmet * limit
+    short = np.abs(flight.demanded[:, index] - flight.achieved[:, index]) > SETTINGS.unmet * limit
     return np.asarray(flight.active[:, index] & short & (limit > 0.0))
 
 
@@ -464,7 +398,7 @@ def _at_limit(flight: FlightLog, name: str) -> Mask:
     away = flight.commands[name] - float(fact["neutral"])
     signal = -away if fact["reversed"] else away
     limit = np.where(signal < 0.0, float(fact["maximum_astern"]), float(fact["maximum_ahead"]))
-    return np.asarray((np.abs(away) >= METRIC_SETTINGS.at_limit * limit) & (limit > 0.0))
+    return np.asarray((np.abs(away) >= SETTINGS.at_limit * limit) & (limit > 0.0))
 
 
 def actuators_of(flight: FlightLog) -> dict[str, ActuatorUse]:

@@ -34,14 +34,11 @@ _SAID = re.compile(
 class MismatchSettings:
     """How far an autopilot and a vehicle may be apart."""
 
-    #: Delay of sampling and hold in control periods.
-    delay_periods: float = 1.5
+    delay_periods: float = 1.5  #: Delay of sampling and hold in control periods.
     #: Limit of a loop over what the actuators give together, below which it is too weak.
     weak_share: float = 0.2
-    #: Relative difference of apparent masses up to which two vehicles are one.
-    alike: float = 0.3
-    #: Limit of a loop, N or N m, from which it is none.
-    unlimited: float = 1e6
+    alike: float = 0.3  #: Relative difference of apparent masses up to which two vehicles are one.
+    unlimited: float = 1e6  #: Limit of a loop, N or N m, from which it is none.
     #: Phase, rad, that the delay costs at the crossover: twice the 90 deg of an integrator.
     no_phase: float = math.pi
 
@@ -60,15 +57,7 @@ def tuned_for(start: str, vehicle: str, origin: str) -> str:
 
 
 def made_for(autopilot: Autopilot) -> str:
-    """Name of the vehicle that an autopilot was made for, by its file; empty where the file does not say.
-
-    Examples
-    --------
-    >>> import seatrial as st
-    >>> text = st.start_autopilot(st.Vehicle.load("lauv"))
-    >>> made_for(st.Autopilot.load("lauv")), made_for(st.Autopilot.from_toml(text))
-    ('lauv', 'lauv')
-    """
+    """Name of the vehicle that an autopilot was made for, by its file; empty where the file does not say."""
     if origin := _SAID.match(autopilot.description):
         return origin["started"] or origin["tuned"]
     name = autopilot.name.removesuffix(" start")
@@ -99,10 +88,9 @@ def _too_strong(autopilot: Autopilot, vehicle: Vehicle) -> Finding | None:
     """The loop whose gains may leave it no phase margin at its crossover; None where none does.
 
     The crossover is about ``K_P/M`` of speeds and the larger of ``K_D/M`` and ``sqrt(K_P/M)`` of depth and
-    angles, M the apparent mass or inertia; lag and dead time of actuators and control period cost phase there
-    (Åström and Murray, 2021, section 10.3). It is a guess from gains and mass: what holds the vehicle by
-    itself may still leave a margin, which `seatrial check AUTOPILOT --vehicle VEHICLE` computes. What a ramp
-    costs goes by the size of the command, and is left out.
+    angles; lag and dead time of actuators and control period cost phase there (Åström and Murray, 2021,
+    section 10.3). It is a guess from gains and mass: `seatrial check AUTOPILOT --vehicle VEHICLE` computes
+    the margin.
     """
     tables, late = autopilot.loops(), delays(vehicle, ROWS)
     mass = np.diag(np.asarray(vehicle.mass_matrix()))

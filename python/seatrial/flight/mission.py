@@ -88,24 +88,12 @@ class Mission:
 
     @classmethod
     def load(cls, path: str | Path) -> Mission:
-        """Mission of a file; a geographic place in it is converted about its ``[origin]``.
-
-        Parameters
-        ----------
-        path : str or Path
-        """
+        """Mission of the file at `path`; a geographic place in it is converted about its ``[origin]``."""
         return cls.from_toml(text_of(path, "a mission file", error=VehicleError), str(path))
 
     @classmethod
     def from_toml(cls, text: str, source: str = "<text>") -> Mission:
-        """Mission of the text of a mission file.
-
-        Parameters
-        ----------
-        text : str
-        source : str
-            What to call it in messages.
-        """
+        """Mission of the text of a mission file; `source` is what to call it in messages."""
         if not isinstance(text, str):
             raise VehicleError(f"expected the text of a mission file, found {type(text).__name__}")
         # The core reads fast and says what is wrong; places in metres need no other reader.
@@ -127,26 +115,14 @@ class Mission:
             raise VehicleError(re.sub(r": line \d+: ", ": ", str(error), count=1)) from None
 
     def to_toml(self, *, expanded: bool = False) -> str:
-        """The mission file in metres, as the deployed autopilot reads it.
-
-        Parameters
-        ----------
-        expanded : bool
-            Whether every pattern becomes waypoints.
+        """The mission file in metres, as the deployed autopilot reads it; `expanded`: with waypoints for
+        patterns.
         """
         return self.core.to_toml(expanded=expanded)
 
     def geographic(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Latitude and longitude (..., 2) in degrees of points (..., 2), north and east in m.
-
-        Parameters
-        ----------
-        points : (..., 2) array_like
-
-        Raises
-        ------
-        VehicleError
-            The mission has no ``[origin]``.
+        """Latitude and longitude (..., 2) in degrees of points (..., 2), north and east in m; a VehicleError
+        where the mission has no ``[origin]``.
         """
         if self.core.origin is None:
             raise VehicleError(
@@ -322,11 +298,9 @@ def _metres(frame: LocalFrame, values: list[Any], at: str) -> list[float]:
 
 @dataclass(frozen=True, eq=False)
 class Stop:
-    """A waypoint and the leg that ends there.
-
-    `label`: its name. `position`: north, east, and depth or altitude in m, (3,). `vertical`: "depth" or
-    "altitude": what the third coordinate is. `speed`, `acceptance`: on the leg, m/s; radius of its sphere, m.
-    `task`: "pass", "hold" or "circle". `radius`: of the circle, m; 0 for none.
+    """A waypoint (north, east, and depth or altitude in m) and the leg that ends there, with its speed in m/s
+    and radius of acceptance in m. `vertical`: "depth" or "altitude"; `task`: "pass", "hold" or "circle",
+    of a `radius` in m.
     """
 
     label: str
@@ -340,11 +314,8 @@ class Stop:
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """Start, heading there, waypoints and times of a mission.
-
-    `name`: of the mission. `start`: north, east, depth, m, (3,). `heading`: with which it begins, rad.
-    `stops`: waypoints in order. `planned_time`: by the plan, s. `longest`: time that the mission allows, s;
-    infinite without a limit.
+    """Start (3,), m, and heading there, rad, waypoints in order, planned time and longest time (infinite
+    without) of a mission, s.
     """
 
     name: str

@@ -29,7 +29,7 @@ from seatrial.flight.checks import (
     checked_turbulence,
     within,
 )
-from seatrial.flight.sea import SeaState
+from seatrial.flight.disturbances import SeaState
 from seatrial.flight.sensor_channels import sensors_of
 from seatrial.sensors.sensor import KINDS, Sensor
 
@@ -53,10 +53,7 @@ _PERFECT = {
 
 @dataclass(frozen=True)
 class Beacon:
-    """A transponder at a known place: channels ``range.NAME`` in m and ``bearing.NAME`` in rad.
-
-    `north`, `east`, `down`: its place, m.
-    """
+    """A transponder at a known place, m: channels ``range.NAME`` in m and ``bearing.NAME`` in rad."""
 
     north: float
     east: float
@@ -65,9 +62,8 @@ class Beacon:
 
 @dataclass(frozen=True)
 class Wall:
-    """A known plane, of which a sonar gives ``range.NAME`` in m at ``bearing.NAME`` in rad.
-
-    `north`, `east`: a point of it, m. `facing`: direction from north over east of its normal, rad.
+    """A known plane through a point (m), its normal `facing` from north over east (rad), of which a sonar
+    gives ``range.NAME`` in m at ``bearing.NAME`` in rad.
     """
 
     north: float
@@ -77,10 +73,7 @@ class Wall:
 
 @dataclass(frozen=True)
 class Pen:
-    """A known vertical cylinder, a round net or a pile; channels as of a `Wall`.
-
-    `north`, `east`: its axis, m. `radius`: m.
-    """
+    """A known vertical cylinder (m), a round net or a pile; channels as of a `Wall`."""
 
     north: float
     east: float
@@ -434,15 +427,7 @@ class NavigationFilter:
 
 
 def checked_navigation(navigation: Any) -> str | NavigationFilter:
-    """What the autopilot of a flight goes by: "sensors", "filter", or a filter of the caller's making.
-
-    Raises SimulationError where it is none of them.
-
-    Examples
-    --------
-    >>> checked_navigation("filter")
-    'filter'
-    """
+    """What the autopilot of a flight goes by: "sensors", "filter", or a filter of the caller's making."""
     if isinstance(navigation, NavigationFilter) or navigation in ("sensors", "filter"):
         return navigation if isinstance(navigation, NavigationFilter) else str(navigation)
     raise SimulationError(
@@ -471,10 +456,9 @@ def filter_of(
     ),
     exact: bool = False,
 ) -> NavigationFilter | None:
-    """Filter for flights, on the vehicle that the autopilot believes in; None for what the sensors show.
-
-    It knows the landmarks of the mission, and is told of the sea: the waves, and deviations (m/s) and time
-    constants (s) of the gusts; and whether the vehicle is simulated by the model itself.
+    """Filter for flights on the vehicle that the autopilot believes in; None for what the sensors show. It
+    knows the landmarks and is told of the waves, of deviations (m/s) and time constants (s) of the gusts,
+    and whether the vehicle is simulated by the model itself (`exact`).
     """
     if isinstance(navigation, NavigationFilter):
         return navigation

@@ -1,9 +1,22 @@
 """The payload of a flight: sensors of the water, their samples along the track and at every stop.
 
-A payload file names the water (`seatrial.flight.water`) and the sensors. Each sensor follows the water at
-the vehicle with its response time, a first-order lag, and is logged with noise and an offset, together with
-the position that the vehicle was told and its standard deviation. The payload has no effect on the flight.
-Held by ``tests/flight/test_payload.py``.
+A payload file names the water and the sensors. Each sensor follows the water at the vehicle with its response
+time, a first-order lag, and is logged with noise and an offset, together with the position that the vehicle
+was told and its standard deviation. The payload has no effect on the flight.
+
+Effluent mixes in proportion: at a share f of it, nitrate, salinity and temperature are
+``ambient + f (effluent - ambient)``. A steady plume of a source Q in a current U drifts along x and spreads
+across it,
+
+f = Q / (2 pi U s_y s_z) exp(-y^2 / 2 s_y^2) (exp(-(z - z_0)^2 / 2 s_z^2) + exp(-(z + z_0)^2 / 2 s_z^2))
+
+with s_y^2 = width^2 + 2 K_h x / U, s_z^2 = height^2 + 2 K_v x / U and the surface as a mirror. Diffusion
+along the current and the bottom are left out; upstream of the source the plume falls off over its width.
+
+Sources: Fischer and others, Mixing in Inland and Coastal Waters (1979), chapter 2; density: Millero and
+Poisson, Deep-Sea Research 28A (1981), at one atmosphere; conductivity: the Practical Salinity Scale 1978
+(Fofonoff and Millard, UNESCO Technical Papers in Marine Science 44, 1983). Held by
+``tests/flight/test_payload.py``.
 """
 
 from __future__ import annotations
@@ -16,7 +29,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.polynomial.polynomial import polyval
+from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from seatrial.base.arrays import Array
@@ -24,12 +38,144 @@ from seatrial.base.errors import SimulationError
 from seatrial.base.plain import Plain
 from seatrial.base.toml_file import NotNegative, Number, Positive, Section, checked, tables, text_of
 from seatrial.flight.metrics import distance_to_stop
-from seatrial.flight.water import CHANNELS, SLOWEST_M_S, Plume, Profile, properties
 
 if TYPE_CHECKING:
     import polars as pl
 
     from seatrial.flight.log import FlightLog
+
+
+CHANNELS = {
+    "nitrate_mg_l": "mg/L",
+    "density_kg_m3": "kg/m3",
+    "conductivity_s_m": "S/m",
+    "salinity_pss": "PSS-78",
+}
+"""What the payload measures, and the unit of each."""
+
+SLOWEST_M_S = 0.01
+"""Slowest current in which a plume is steady within hours."""
+
+
+class Profile(Section):
+    """Nitrate in mg/L, practical salinity and temperature in deg C at the surface, and their change per m of
+    depth.
+    """
+
+    nitrate_mg_l: NotNegative
+    salinity: NotNegative
+    temperature_c: Number
+    nitrate_per_m: Number = 0.0
+    salinity_per_m: Number = 0.0
+    temperature_per_m: Number = 0.0
+
+    def at(self, depth: Array) -> Array:
+        """Nitrate, salinity and temperature, (n, 3), at depths (n,) in m."""
+        surface = np.array([self.nitrate_mg_l, self.salinity, self.temperature_c])
+        slope = np.array([self.nitrate_per_m, self.salinity_per_m, self.temperature_per_m])
+        return np.asarray(surface + np.maximum(depth, 0.0)[:, None] * slope)
+
+
+class Plume(Section):
+    """A source of effluent at a place, discharge in m3/s: standard deviations of the plume at the source
+    across the current and in depth, m, and turbulent diffusivities, m2/s.
+    """
+
+    north_m: Number
+    east_m: Number
+    depth_m: NotNegative
+    discharge_m3_s: Positive
+    nitrate_mg_l: NotNegative
+    salinity: NotNegative
+    temperature_c: Number
+    width_m: Positive = 2.0
+    height_m: Positive = 1.0
+    horizontal_m2_s: NotNegative = 0.05
+    vertical_m2_s: NotNegative = 1e-3
+
+    def share(self, places: Array, current: ArrayLike) -> Array:
+        """Share of effluent in the water, (n,), 0 to 1, at places (n, 3), m, NED, in a current of
+        `SLOWEST_M_S` or more.
+        """
+        flow = np.asarray(current, float)[:2]
+        speed = float(np.hypot(*flow))
+        along = flow / speed
+        away = places[:, :2] - [self.north_m, self.east_m]
+        x, y = away @ along, away @ [-along[1], along[0]]
+        z = places[:, 2]
+        drifted = np.maximum(x, 0.0) / speed
+        s_y = np.sqrt(self.width_m**2 + 2.0 * self.horizontal_m2_s * drifted)
+        s_z = np.sqrt(self.height_m**2 + 2.0 * self.vertical_m2_s * drifted)
+        across = np.exp(-0.5 * (y / s_y) ** 2 - 0.5 * (np.minimum(x, 0.0) / self.width_m) ** 2)
+        mirrored = (-0.5 * ((z + sign * self.depth_m) / s_z) ** 2 for sign in (-1.0, 1.0))
+        down = np.sum([np.exp(exponent) for exponent in mirrored], axis=0)
+        return np.asarray(
+            np.minimum(self.discharge_m3_s * across * down / (2.0 * np.pi * speed * s_y * s_z), 1.0)
+        )
+
+
+def properties(profile: Profile, plumes: Sequence[Plume], places: Array, current: ArrayLike) -> Array:
+    """`CHANNELS` of the water at places (n, 3), north, east, down in m, as columns (n, 4)."""
+    mixed = profile.at(places[:, 2])
+    for plume in plumes:
+        effluent = np.array([plume.nitrate_mg_l, plume.salinity, plume.temperature_c])
+        mixed = mixed + plume.share(places, current)[:, None] * (effluent - mixed)
+    nitrate, salinity, temperature = mixed.T
+    return np.column_stack([
+        nitrate,
+        density(salinity, temperature),
+        conductivity(salinity, temperature, np.maximum(places[:, 2], 0.0)),
+        salinity,
+    ])
+
+
+def density(salinity: Array, temperature: Array) -> Array:
+    """Density of sea water in kg/m3 at one atmosphere, of practical salinity and deg C, (n,).
+
+    Examples
+    --------
+    >>> density(np.array([0.0, 35.0, 35.0]), np.array([5.0, 5.0, 25.0])).round(5).tolist()
+    [999.96675, 1027.67547, 1023.34306]
+    """
+    s, t = np.asarray(salinity, float), np.asarray(temperature, float)
+    fresh = polyval(t, [999.842594, 6.793952e-2, -9.09529e-3, 1.001685e-4, -1.120083e-6, 6.536332e-9])
+    a = polyval(t, [8.24493e-1, -4.0899e-3, 7.6438e-5, -8.2467e-7, 5.3875e-9])
+    b = polyval(t, [-5.72466e-3, 1.0227e-4, -1.6546e-6])
+    return np.asarray(fresh + a * s + b * s**1.5 + 4.8314e-4 * s**2)
+
+
+def conductivity(salinity: Array, temperature: Array, depth: Array) -> Array:
+    """Conductivity of sea water in S/m, of practical salinity, deg C and depth in m, (n,).
+
+    The scale gives salinity from conductivity; this is its inverse, by Newton's method in the square root of
+    the ratio.
+
+    Examples
+    --------
+    >>> zero = np.zeros(1)
+    >>> conductivity(zero + 35.0, zero + 15.0, zero).round(4).tolist()
+    [4.2914]
+    """
+    s, t = np.asarray(salinity, float), np.asarray(temperature, float)
+    warm = (t - 15.0) / (1.0 + 0.0162 * (t - 15.0))
+    a = np.array([0.0080, -0.1692, 25.3851, 14.0941, -7.0261, 2.7081])
+    b = np.array([0.0005, -0.0056, -0.0066, -0.0375, 0.0636, -0.0144])
+    root = np.sqrt(np.maximum(s, 1e-6) / 35.0)
+    orders = np.arange(1, 6)
+    for _ in range(10):
+        value = polyval(root, a) + warm * polyval(root, b)
+        slope = polyval(root, orders * a[1:]) + warm * polyval(root, orders * b[1:])
+        root = np.maximum(root - (value - s) / slope, 1e-4)
+    by_temperature = polyval(t, [0.6766097, 2.00564e-2, 1.104259e-4, -6.9698e-7, 1.0031e-9])
+    ratio = root**2 * by_temperature
+    # The pressure in dbar is close to the depth in m; its term needs the ratio that it changes.
+    pressure = polyval(np.asarray(depth, float), [0.0, 2.070e-5, -6.370e-10, 3.989e-15])
+    whole = ratio
+    for _ in range(5):
+        below = 1.0 + 3.426e-2 * t + 4.464e-4 * t**2 + (4.215e-1 - 3.107e-3 * t) * whole
+        whole = ratio * (1.0 + pressure / below)
+    return np.asarray(4.2914 * whole)  # S/m at practical salinity 35, 15 deg C and the surface
+
 
 Rows = NDArray[np.intp]
 
@@ -58,23 +204,8 @@ class _File(Section):
 
 @dataclass(frozen=True)
 class Payload:
-    """Water and sensors of a payload file.
-
-    `text`: the file. `rate_hz`: samples a second, of all sensors. `water`, `plumes`: background and sources.
-    `response_s`, `noise`, `bias`: by `CHANNELS`, (4,): time constant in s, and in the unit of the channel the
-    standard deviation and the offset.
-
-    Examples
-    --------
-    >>> payload = Payload.from_toml('''
-    ... format = 1
-    ... [water]
-    ... nitrate_mg_l = 0.3
-    ... salinity = 33.0
-    ... temperature_c = 9.0
-    ... ''')
-    >>> payload.rate_hz, payload.response_s.tolist()
-    (1.0, [5.0, 1.0, 0.5, 1.0])
+    """Water and sensors of a payload file (`text`): samples a second, and by `CHANNELS`, (4,), the time
+    constant in s, standard deviation and offset in the unit of the channel.
     """
 
     text: str
@@ -87,25 +218,14 @@ class Payload:
 
     @classmethod
     def load(cls, path: str | Path) -> Payload:
-        """Payload of a file.
-
-        Raises SimulationError where the file cannot be read, or a key or value is wrong.
-        """
+        """Payload of a file; a SimulationError where it cannot be read, or a key or value is wrong."""
         return cls.from_toml(text_of(path, "a payload file", error=SimulationError), str(path))
 
     @classmethod
     def from_toml(cls, text: str, source: str = "<text>") -> Payload:
-        """Payload of the text of a payload file; `source` is what to call it in messages.
-
-        Raises SimulationError where a key or value is wrong.
-        """
+        """Payload of the text of a payload file; `source` is what to call it in messages."""
         file = checked(_File, tables(text, source, error=SimulationError), source, error=SimulationError)
-        sensors = (
-            file.sensors.nitrate,
-            file.sensors.density,
-            file.sensors.conductivity,
-            file.sensors.salinity,
-        )
+        sensors = [getattr(file.sensors, name) for name in _Sensors.model_fields]
         return cls(
             text,
             file.rate_hz,
@@ -115,9 +235,8 @@ class Payload:
         )
 
     def check_current(self, current: Sequence[float]) -> None:
-        """Refuse plumes in still water; `current` in m/s, north and east first.
-
-        Raises SimulationError where it is slower than `SLOWEST_M_S`.
+        """Refuse plumes in a current (m/s, north and east first) slower than `SLOWEST_M_S`: they have nothing
+        to drift with.
         """
         speed = math.hypot(*current[:2])
         if self.plumes and speed < SLOWEST_M_S:
@@ -137,15 +256,12 @@ class Value:
 
 @dataclass(frozen=True)
 class StopSamples(Plain, without="position values"):
-    """Samples of one stop: those taken in the water that the stop is to sample.
+    """Samples of one stop that were taken in the water that the stop is to sample, or of all "under way".
 
-    `label`: of the stop; "under way" for all samples between stops. `begin_s`, `end_s`, `count`: of the
-    samples; NaN, NaN and 0 where none counts. `on_the_way`, `unsettled`: samples that are left out: taken
-    while the vehicle kept station but had not reached the stop, in three dimensions, and after that before
-    its depth and, where the stop is long enough, its sensors settled. `sensors_settled`: whether those that
-    count begin three response times of the slowest sensor after the vehicle settled. `position`: north, east,
-    depth as the vehicle was told, m; the deviation is that of its navigation. `values`: by `CHANNELS`; the
-    deviation is that of the samples.
+    `on_the_way` and `unsettled` are left out: taken before the stop was reached in three dimensions, and
+    after that before depth and, where the stop is long enough, sensors settled. `sensors_settled`: whether
+    those that count begin three response times of the slowest sensor later. `position`: as the vehicle was
+    told, m, with the deviation of its navigation; `values` by `CHANNELS`, with that of the samples.
     """
 
     label: str
@@ -178,8 +294,7 @@ class PayloadSettings:
     steady_s: float = 6.0
     #: Largest difference of the mean depths in both halves of that time, m: three times a gauge's noise.
     steady_m: float = 0.1
-    #: Stream of the payload's noise, apart from those of the flight.
-    stream: int = 0x9A710AD
+    stream: int = 0x9A710AD  #: Stream of the payload's noise, apart from those of the flight.
 
 
 SETTINGS = PayloadSettings()
@@ -198,24 +313,11 @@ class Phase(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """What a payload logged on a flight.
+    """What a payload logged on a flight: n samples at times `t` (s), rows of the flight's log.
 
-    Attributes
-    ----------
-    payload
-        Water and sensors.
-    t
-        Times, (n,), s.
-    rows
-        Rows of the flight's log, (n,).
-    position, deviation
-        North, east, depth as the vehicle was told, and their standard deviations, (n, 3), m.
-    values, true
-        `CHANNELS` as measured, and of the water at the vehicle, (n, 4).
-    stop
-        Label of the stop at which each was taken, "" under way.
-    phase
-        What each is at its stop: a `Phase`; ``ON_THE_WAY`` without a stop.
+    `position` and `deviation` (n, 3) are what the vehicle was told and how far that may be off, m; `values`
+    and `true` (n, 4) are `CHANNELS` as measured and at the vehicle. `stop` is the label of the stop, "" under
+    way; `phase` a `Phase`.
     """
 
     payload: Payload
@@ -296,12 +398,8 @@ class Samples:
 
 
 def sampled(payload: Payload, flight: FlightLog, errors: Array) -> Samples:
-    """Samples that a payload takes on a flight.
-
-    `payload`: water and sensors. `flight`: its log; the plume drifts with the mean current, and the noise
-    goes by the seed of its circumstances. `errors`: of the navigation's channels: noise, offset, random walk
-    after one second and digit, (16, 4), see `seatrial.flight.sensor_channels.SensorChannels`. Raises
-    SimulationError: a plume has no current that it drifts with.
+    """Samples that a payload takes on a flight. The plume drifts with the mean current, and the noise goes by
+    the seed of the flight; `errors` (16, 4) are those of `seatrial.flight.sensor_channels.SensorChannels`.
     """
     current = flight.circumstances.current
     payload.check_current(current)
@@ -312,16 +410,14 @@ def sampled(payload: Payload, flight: FlightLog, errors: Array) -> Samples:
     ])
     every = max(1, round(1.0 / (payload.rate_hz * flight.period_s)))
     rows = np.arange(0, count, every)
-    noise = np.random.default_rng([flight.circumstances.seed, SETTINGS.stream]).standard_normal((
-        len(rows),
-        len(CHANNELS),
-    ))
+    random = np.random.default_rng([flight.circumstances.seed, SETTINGS.stream])
+    noise = random.standard_normal((len(rows), len(CHANNELS)))
     perceived = np.column_stack([
         _held(flight.measured[name][:count], flight.position[0, k]) for k, name in enumerate("xyz")
     ])
     at = errors[:3]
     variance = at[:, 0] ** 2 + at[:, 1] ** 2 + at[:, 3] ** 2 / 12.0 + at[:, 2] ** 2 * flight.t[rows, None]
-    labels, phase = _stops(flight, count)
+    labels, phase = _stops(flight, perceived)
     return Samples(
         payload,
         flight.t[rows],
@@ -335,18 +431,15 @@ def sampled(payload: Payload, flight: FlightLog, errors: Array) -> Samples:
     )
 
 
-def _stops(flight: FlightLog, count: int) -> tuple[list[str], Rows]:
-    """Label of the stop at which the vehicle keeps station, "" elsewhere, and its phase, of `count` rows.
+def _stops(flight: FlightLog, perceived: Array) -> tuple[list[str], Rows]:
+    """Label of the stop at which the vehicle keeps station, "" elsewhere, and its phase, of n rows.
 
     A stop is reached as a waypoint is: within its acceptance radius in three dimensions, as the vehicle was
     told. Guidance keeps station as soon as the vehicle is near in the plane, and dives from there. A row is
     settled where the vehicle has been at the stop for ``steady_s`` and its depth has not drifted.
     """
-    stops = flight.route.stops
+    stops, count = flight.route.stops, len(perceived)
     leg = np.clip(flight.leg[:count], 0, len(stops) - 1)
-    perceived = np.column_stack([
-        _held(flight.measured[name][:count], flight.position[0, k]) for k, name in enumerate("xyz")
-    ])
     altitude = _held(flight.measured["altitude"][:count], math.inf)
     half = max(1, round(0.5 * SETTINGS.steady_s / flight.period_s))
     depth = np.concatenate([[0.0], np.cumsum(perceived[:, 2])])

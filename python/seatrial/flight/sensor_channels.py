@@ -67,11 +67,11 @@ _MOST_LATE = 10_000  # control periods that the core keeps
 class SensorChannels:
     """Sensors as the closed loop takes them.
 
-    `errors`: per channel noise, offset, random walk after one second and digit, (16, 4), SI and rad.
-    `timing`: per group whether it is there, its interval and latency in control periods, mean time between
-    drop-outs and their mean duration in s, (7, 5). `sentences`: what differs from the sensors as described.
-    `acoustics`: per kind that only a navigation filter reads, a GPS among them, its numbers (17,), SI and
-    rad. `transceiver`: where that of the acoustic positioning is, north, east, down, m.
+    `errors` (16, 4): per channel noise, offset, random walk after one second and digit, SI and rad. `timing`
+    (7, 5): per group whether it is there, interval and latency in control periods, mean time between
+    drop-outs and their mean duration in s. `sentences`: what differs from the sensors as described.
+    `acoustics`: per kind that only a navigation filter reads, GPS included, its numbers (17,); `transceiver`:
+    where that of the acoustic positioning is, m.
     """
 
     errors: Array
@@ -82,22 +82,15 @@ class SensorChannels:
 
 
 def perfect() -> SensorChannels:
-    """Channels without error at every control period.
-
-    Examples
-    --------
-    >>> perfect().errors.any(), perfect().timing.shape
-    (np.False_, (7, 5))
-    """
+    """Channels without error at every control period."""
     return SensorChannels(np.zeros((16, 4)), np.tile([1.0, 1.0, 0.0, np.inf, 0.0], (7, 1)))
 
 
 def sensors_of(
     source: Mapping[str, Sensor] | str | Path | None, vehicle: Vehicle
 ) -> dict[str, Sensor] | None:
-    """Sensors by kind of "typical", a file or a mapping; None for perfect ones.
-
-    Raises TrialError where the file or a kind is not usable.
+    """Sensors by kind of "typical", a file or a mapping; None for perfect ones. A TrialError where they are
+    not usable.
     """
     if source is None:
         return None
@@ -115,15 +108,7 @@ def sensors_of(
 
 
 def sensor_channels(sensors: Mapping[str, Sensor] | None, period_s: float) -> SensorChannels:
-    """Channels that the sensors tell at a control period, s; perfect ones for None.
-
-    Raises TrialError where there is no sensor at all, or a latency beyond what is kept.
-
-    Examples
-    --------
-    >>> sensor_channels({"gyro": Sensor(noise=1.0)}, 0.1).errors[9, 0].round(6)
-    np.float64(0.017453)
-    """
+    """Channels that the sensors tell at a control period, s; perfect ones for None."""
     if sensors is None:
         return perfect()
     if not sensors:
@@ -160,11 +145,8 @@ def sensor_channels(sensors: Mapping[str, Sensor] | None, period_s: float) -> Se
 def _acoustics(
     sensors: Mapping[str, Sensor], period_s: float
 ) -> tuple[dict[str, Array], tuple[float, float, float]]:
-    """Rows (17,) of what only a navigation filter reads, as the core takes them, and the usbl's transceiver.
-
-    Per kind noise, offset, digits, control periods between samples, to the first one and of latency, mean
-    time between drop-outs and their mean duration, reach, share and deviation of outliers, lever arm, roll,
-    pitch and yaw of its axes; SI and rad. A GPS is among them.
+    """Rows (17,) of what only a navigation filter reads, GPS included, as the core takes them, and the usbl's
+    transceiver.
     """
     rows: dict[str, Array] = {}
     transceiver = (0.0, 0.0, 0.0)

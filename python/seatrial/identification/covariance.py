@@ -47,7 +47,7 @@ from seatrial.vehicle.actuators import actuator_groups
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.bench_test.result import BenchTest
+    from seatrial.bench_test.evaluate import BenchTest
     from seatrial.diagnosis.assessment import Assessment
     from seatrial.estimation.scale import ScaleReport
     from seatrial.identification.events import EventEstimate

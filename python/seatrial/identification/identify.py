@@ -45,7 +45,7 @@ from seatrial.problem.problem import Problem
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.base.fleet import Fleet
-    from seatrial.bench_test.result import BenchTest
+    from seatrial.bench_test.evaluate import BenchTest
     from seatrial.problem.settings import Anchor, JointSettings
     from seatrial.trial.trial import Input
 

@@ -32,7 +32,7 @@ from seatrial.scoring.windows import Unpredictable, unpredictable
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
-    from seatrial.bench_test.result import BenchTest
+    from seatrial.bench_test.evaluate import BenchTest
     from seatrial.identification.identification import Identification
     from seatrial.problem.by_hand import Bounds, Trials
     from seatrial.trial.recording import Recording

@@ -24,9 +24,9 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import SeatrialError, TrialError, VehicleError, first_line, nearest
 from seatrial.base.toml_file import Name, NotNegative, Number, Positive, Section
 from seatrial.flight.conditions import Conditions, Water
-from seatrial.flight.fly import fly
+from seatrial.flight.disturbances import SeaState
+from seatrial.flight.flight import fly
 from seatrial.flight.mission import Mission
-from seatrial.flight.sea import SeaState
 from seatrial.sensors.log import at_sea
 from seatrial.sensors.sensor import TYPICAL, Sensor, SensorFile, parse_sensors, read_as
 

@@ -123,7 +123,8 @@ class ControlProblem(TuningScope):
         table = checked(TuningTable, {"loops": loops or {}} | settings, "tune")
         fitted, pilot = Fitted.of(fit), loaded(Autopilot, autopilot)
         vehicle = fitted.vehicle
-        self._fill(
+        TuningScope.__init__(
+            self,
             table,
             fitted,
             pilot,
@@ -140,37 +141,16 @@ class ControlProblem(TuningScope):
 
     @classmethod
     def of_table(cls, table: TuningTable, fitted: Fitted, autopilot: Autopilot, **known: Any) -> Self:
-        """Problem of a table ``[tuning]``.
-
-        Parameters
-        ----------
-        table : TuningTable
-        fitted : Fitted
-            What is known of the vehicle.
-        autopilot : Autopilot
-            With the start gains.
-        **known
-            ``name``, ``seed``, ``origin``, ``given_text``, ``inputs``.
+        """Problem of a table ``[tuning]`` for a fitted vehicle and an autopilot with the start gains;
+        `known`: ``name``, ``seed``, ``origin``, ``given_text``, ``inputs``.
         """
         problem = cls.__new__(cls)
-        problem._fill(table, fitted, autopilot, **known)
+        TuningScope.__init__(problem, table, fitted, autopilot, **known)
         return problem
 
-    def _fill(self, table: TuningTable, fitted: Fitted, autopilot: Autopilot, **known: Any) -> None:
-        TuningScope.__init__(self, table, fitted, autopilot, **known)
-
     def refuse_what_cannot_fly(self, where: str) -> None:
-        """Refuse before the search, and before a directory is made, what its first flight would refuse.
-
-        Parameters
-        ----------
-        where : str
-            Beginning of messages.
-
-        Raises
-        ------
-        CampaignError
-            Sensors, supply voltage or current do not suit the vehicle, or the laws are not seatrial's.
+        """Refuse before the search, and before a directory is made, what its first flight would refuse: a
+        CampaignError, begun with `where`.
         """
         refuse_other_laws(self.autopilot)
         refuse_misfit(self.autopilot, self.vehicle)
@@ -346,19 +326,8 @@ class ControlProblem(TuningScope):
 def beyond_gains(
     limits: MarginConstraint, start: Mapping[str, float], *, bounds: tuple[float, float]
 ) -> tuple[tuple[str, float], ...]:
-    """Points (mode, speed in m/s) of some limits that no gains within the bounds keep stable.
-
-    `limits`: of the autopilot; points where no margin is asked for are left out; `start`: start gains, by the
-    names of `Autopilot.gains`; `bounds`: of the factors on the start gains.
-
-    Examples
-    --------
-    >>> import seatrial as st
-    >>> from seatrial.control_design.margin_constraint import MarginConstraint
-    >>> autopilot = st.Autopilot.load("cwolf")
-    >>> limits = MarginConstraint(st.Vehicle.load("cwolf"), autopilot, [3.021])
-    >>> beyond_gains(limits, autopilot.gains(), bounds=(0.1, 10.0))
-    ()
+    """Points (mode, speed in m/s) of some limits that no gains within bounds of the factors on the start
+    gains keep stable; points where no margin is asked for are left out.
     """
     beyond = []
     for mode, speed in limits.points:

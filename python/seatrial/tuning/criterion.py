@@ -79,10 +79,8 @@ class StepMetrics:
 
 
 def normalised(response: ArrayLike, before: ArrayLike, after: ArrayLike) -> Array:
-    """Response (..., n) as a share of its step: 0 at the set point before, 1 at that after.
-
-    `response` (..., n): in any unit; `before`, `after` (...): set points in the same unit. Raises
-    `SimulationError`: a step of size zero.
+    """Response (..., n) as a share of its step: 0 at the set point before, 1 at that after (...), in the same
+    unit.
 
     Examples
     --------
@@ -99,11 +97,9 @@ def normalised(response: ArrayLike, before: ArrayLike, after: ArrayLike) -> Arra
 
 
 def violations(t: ArrayLike, y: ArrayLike, corridor: Corridor) -> Array:
-    """Area below the lower and above the upper bound (..., 2) in s, without weights.
-
-    `t` (n,): even grid of the control periods, s since the step; `y` (..., n): normalised responses; one that
-    is not finite anywhere has an infinite area. Raises `SimulationError`: the grid is not even, or does not
-    fit the responses.
+    """Area below the lower and above the upper bound (..., 2) in s, without weights, of normalised responses
+    (..., n) on an even grid (n,) of control periods, s since the step; infinite for one that is not finite
+    anywhere.
 
     Examples
     --------
@@ -122,8 +118,6 @@ def violations(t: ArrayLike, y: ArrayLike, corridor: Corridor) -> Array:
 def criterion(t: ArrayLike, y: ArrayLike, corridor: Corridor) -> Array:
     """Constraint criterion Q (...) in s: weighted area outside the corridor, 0 where a response stays inside.
 
-    Arguments and errors are those of `violations`.
-
     Examples
     --------
     >>> from seatrial.control_design.corridor import Corridor
@@ -140,11 +134,7 @@ def criterion(t: ArrayLike, y: ArrayLike, corridor: Corridor) -> Array:
 
 
 def time_weighted_error(t: ArrayLike, y: ArrayLike, corridor: Corridor) -> Array:
-    """Time-weighted absolute error (...) in s^2 over the corridor: the tie-breaker of feasible responses.
-
-    The corridor gives the target and the time over which it counts; arguments and errors are those of
-    `violations`.
-    """
+    """Time-weighted absolute error (...) in s^2 over the corridor: the tie-breaker of feasible responses."""
     at, response, period = _grid(t, y)
     with np.errstate(invalid="ignore"):
         weighed = corridor.clock(at) * np.abs(response - corridor.target)
@@ -152,11 +142,8 @@ def time_weighted_error(t: ArrayLike, y: ArrayLike, corridor: Corridor) -> Array
 
 
 def step_metrics(t: ArrayLike, y: ArrayLike, *, band: float = 0.05) -> StepMetrics:
-    """Figures of one step response, between samples by linear interpolation.
-
-    `t` (n,): time since the step, s, rising; samples before it do not count; `y` (n,): normalised response;
-    `band`: half-width of the band in which it settles, as a share of the step. Raises `SimulationError`:
-    fewer than two samples from the step on, times that do not rise, or arrays that do not fit.
+    """Figures of one normalised step response (n,) over rising times since the step, s; `band`: half-width of
+    the band in which it settles, a share of the step. Between samples by linear interpolation.
 
     Examples
     --------
@@ -258,10 +245,8 @@ class StartMetrics:
 
 
 def start_metrics(rig: Rig, trials: LoopTrials) -> StartMetrics:
-    """Figures of a loop with the rig's gains, the vehicle itself in still water.
-
-    The noise at rest is what sensors, dead band and least thrust leave of a straight line: the standard
-    deviation over the second half of the time before the step, its trend taken out.
+    """Figures of a loop with the rig's gains, the vehicle itself in still water. The noise at rest is the
+    standard deviation over the second half of the time before the step, its trend taken out.
     """
     still = Samples(
         {}, np.zeros((len(SETTINGS.noise_seeds), 3)), SETTINGS.noise_seeds, len(SETTINGS.noise_seeds)
@@ -299,10 +284,8 @@ _PATHS = {"depth": "pitch", "cross_track": "heading"}
 def steps_above_noise(
     loop: str, noise: float, *, top_m_s: float, largest: float = math.inf
 ) -> tuple[float, float]:
-    """Steps of a loop in both directions whose band the answer's noise does not fill, in the file's unit.
-
-    `noise` is the standard deviation of the answer at rest, SI; `largest` is what guidance or the vehicle
-    allows, in the file's unit.
+    """Steps of a loop in both directions whose band the answer's noise (standard deviation at rest, SI) does
+    not fill, in the file's unit, at most `largest`.
 
     Examples
     --------
@@ -332,7 +315,7 @@ def default_corridor(
     voltage_v: float = NOMINAL_V,
     start: StartMetrics | None = None,
 ) -> Corridor:
-    """Corridor for some steps of a loop, in the file's unit.
+    """Corridor for some steps of a loop or path, in the file's unit, at the speeds of its trials.
 
     A step of size s that a largest acceleration a carries out takes at least ``s/a`` for a speed and ``2
     sqrt(s/a)`` for a position, speeding up and slowing down; half of the demand is left to everything else.
@@ -341,19 +324,7 @@ def default_corridor(
     the loop with its start gains (`start_metrics`) is slower or overshoots further, the corridor asks for 5 %
     less of that. No corridor is narrower than five standard deviations of the noise at rest (were they
     independent and normal, 6e-7 of all instants are beyond). Source: bang-bang control of a double
-    integrator, e.g. Bryson and Ho, *Applied Optimal Control* (1975), section 3.9. Held by
-    tests/tuning/test_tuning_plan.py.
-
-    `loop`: a loop, or a path that rides on one; `steps`: m/s, m or deg; `speeds_m_s`: of the trials; fins
-    turn the hull the less the slower it goes; `voltage_v`: supply at which tables of thrust are read, V;
-    `start`: what the loop does with its start gains; by default only the vehicle's limits count.
-
-    Examples
-    --------
-    >>> import seatrial as st
-    >>> cwolf, autopilot = st.Vehicle.load("cwolf"), st.Autopilot.load("cwolf")
-    >>> default_corridor(cwolf, autopilot, "heading", [20.0], weights=Weights()).until_s > 10.0
-    True
+    integrator, e.g. Bryson and Ho, *Applied Optimal Control* (1975), section 3.9.
     """
     facts = autopilot_facts(autopilot)
     rider = _PATHS.get(loop, loop)

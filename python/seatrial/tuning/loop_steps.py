@@ -17,13 +17,16 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 from seatrial.control_design.corridor import Corridor
-from seatrial.control_design.mode_table import MODE_TABLE_SETTINGS
+from seatrial.control_design.operating_points import SETTINGS as MODE_TABLE_SETTINGS
 from seatrial.control_design.operating_points import autopilot_facts, measurement_delays
-from seatrial.control_design.start_guidance import INTEGRAL_SHARES, START_GUIDANCE_SETTINGS, lookahead_of
+from seatrial.control_design.start_autopilot import INTEGRAL_SHARES, lookahead_of
+from seatrial.control_design.start_autopilot import SETTINGS as START_GUIDANCE_SETTINGS
 from seatrial.control_design.tuning_table import LOOPS, default_steps
 from seatrial.tuning.criterion import StartMetrics, default_corridor, start_metrics, steps_above_noise
-from seatrial.tuning.objective import OBJECTIVE_SETTINGS, violated
-from seatrial.tuning.step_trial import RIDES_ON, STEP_TRIAL_SETTINGS, LoopTrials, Rig, Samples
+from seatrial.tuning.objective import SETTINGS as OBJECTIVE_SETTINGS
+from seatrial.tuning.objective import violated
+from seatrial.tuning.step_trial import RIDES_ON, LoopTrials, Rig, Samples
+from seatrial.tuning.step_trial import SETTINGS as STEP_TRIAL_SETTINGS
 
 if TYPE_CHECKING:
     from seatrial._core import Autopilot
@@ -59,7 +62,7 @@ class LoopStepSettings:
     least_samples: int = 2
 
 
-LOOP_STEP_SETTINGS = LoopStepSettings()
+SETTINGS = LoopStepSettings()
 
 
 def tried_speeds(
@@ -70,18 +73,13 @@ def tried_speeds(
     within_m_s: tuple[float, float],
     apart_m_s: float,
 ) -> tuple[float, ...]:
-    """Speeds of a loop's trials, m/s, rising.
+    """Speeds of a loop's trials, m/s, rising: of the breakpoints that count at most three, that nearest to
+    rest, the fastest and one between.
 
-    Where the file gives no speeds there are at most three: that nearest to rest, the fastest and one between.
-    All that the vehicle reaches would cost twice as much and tell little more, and no mission goes astern
-    faster than a brake does. A trial keeps away from a switching speed, so that a current does not change the
-    mode under way. Where the mode at a breakpoint does not use the loop, it is tried at the nearest speed
-    where one does. A vehicle that cannot hover falls below its path when it is slower than level flight
-    needs, whatever its gains.
-
-    `wanted_m_s`: breakpoints that count for the loop; `modes_m_s`: speeds from and to which a mode uses the
-    loop; `away_m_s`: how far a trial keeps from a switching speed; `within_m_s`: least and largest speed of a
-    trial; `apart_m_s`: of speeds that are nearer to each other the first is tried.
+    All that the vehicle reaches would cost twice as much and tell little more. A trial keeps away from a
+    switching speed, so that a current does not change the mode under way; where the mode at a breakpoint does
+    not use the loop, it is tried at the nearest speed where one does. `modes_m_s`: speeds from and to which a
+    mode uses the loop.
 
     Examples
     --------
@@ -111,22 +109,12 @@ def _inside(mode_m_s: tuple[float, float], away_m_s: float) -> tuple[float, floa
 
 def apart(points_m_s: Sequence[float]) -> float:
     """How near two speeds may be for both to be tried, m/s, from the breakpoints."""
-    return LOOP_STEP_SETTINGS.spacing_share * float(np.mean(np.diff(points_m_s)))
+    return SETTINGS.spacing_share * float(np.mean(np.diff(points_m_s)))
 
 
 def thinned(speeds_m_s: Sequence[float]) -> list[float]:
-    """Of some speeds at most three: that nearest to rest, the fastest, the one nearest to their middle.
-
-    Examples
-    --------
-    >>> thinned([-0.8, -0.5, -0.2, 0.2, 0.5, 0.8])
-    [0.2, 0.5, 0.8]
-    >>> thinned([-1.0, 1.0, 3.0])
-    [-1.0, 1.0, 3.0]
-    >>> thinned([-0.8, -0.5, -0.2, 0.1])
-    [-0.2, 0.1]
-    """
-    if len(speeds_m_s) <= LOOP_STEP_SETTINGS.most_speeds:
+    """Of some speeds at most three: that nearest to rest, the fastest, the one nearest to their middle."""
+    if len(speeds_m_s) <= SETTINGS.most_speeds:
         return list(speeds_m_s)
     slow = min(speeds_m_s, key=lambda speed: (round(abs(speed), 6), -speed))
     fast = max(speeds_m_s)
@@ -148,7 +136,7 @@ def usual_speeds(scope: TuningScope, loop: str) -> tuple[float, ...]:
     return tried_speeds(
         [point for point in points if point > 0.0 or loop not in RIDES_ON],  # guidance goes ahead
         scope.modes_of(loop),
-        away_m_s=scope.current_m_s + LOOP_STEP_SETTINGS.switching_distance_m_s,
+        away_m_s=scope.current_m_s + SETTINGS.switching_distance_m_s,
         # A speed through the water has to be within reach against the current, too.
         within_m_s=_in_reach(scope) if loop == "surge" else (-np.inf, scope.top_m_s),
         apart_m_s=apart(scope.autopilot.speeds_m_s),
@@ -156,9 +144,8 @@ def usual_speeds(scope: TuningScope, loop: str) -> tuple[float, ...]:
 
 
 def steps_of(scope: TuningScope, loop: str, table: LoopTable) -> LoopTrials:
-    """Steps of a loop at its speeds, by what the file says of the loop.
-
-    Raises CampaignError for speeds or steps that the vehicle or its modes cannot do.
+    """Steps of a loop at its speeds, by what the file says of the loop; a CampaignError for what the vehicle
+    or its modes cannot do.
     """
     speeds = table.speeds_m_s or usual_speeds(scope, loop)
     _refuse_speeds(scope, loop, speeds)
@@ -212,14 +199,14 @@ def _stepped(
             f" {', '.join(f'{u:g}' for u in speeds)} m/s; take smaller steps, or give speeds_m_s"
         )
     _refuse_what_tells_nothing(scope, loop, each, corridor)
-    settle = corridor.until_s * (LOOP_STEP_SETTINGS.settle_ratio if table.corridor is None else 1.0)
+    settle = corridor.until_s * (SETTINGS.settle_ratio if table.corridor is None else 1.0)
     return LoopTrials(
         loop=loop,
         corridor=corridor,
         beside=table.beside.half_widths(),
         speeds=tuple(speed for speed, _ in each),
         sizes=tuple(step * LOOPS[loop].to_si for _, step in each),
-        settle_s=scope.table.settle_s or max(LOOP_STEP_SETTINGS.least_settle_s, float(f"{settle:.6g}")),
+        settle_s=scope.table.settle_s or max(SETTINGS.least_settle_s, float(f"{settle:.6g}")),
     )
 
 
@@ -227,7 +214,7 @@ def _refuse_what_tells_nothing(
     scope: TuningScope, loop: str, each: Sequence[tuple[float, float]], corridor: Corridor
 ) -> None:
     """Refuse a corridor that ends before the vehicle has moved, and a trial that would leave the water."""
-    periods, depth = LOOP_STEP_SETTINGS.least_periods, STEP_TRIAL_SETTINGS.depth_m
+    periods, depth = SETTINGS.least_periods, STEP_TRIAL_SETTINGS.depth_m
     least = periods * scope.autopilot.period_s
     if corridor.until_s < least:
         raise CampaignError(
@@ -338,33 +325,26 @@ def course_lookahead(scope: TuningScope, autopilot: Autopilot, path: str) -> tup
 
 
 def path_trials(scope: TuningScope, path: str, distance_m: float, delay_s: float) -> LoopTrials:
-    """Small and large steps of "cross_track" or "depth" at its speeds, against a bound of the overshoot.
-
-    They are made for the lookahead `distance_m` and the delay `delay_s` of the course.
+    """Small and large steps of "cross_track" or "depth" at its speeds, against a bound of the overshoot, for
+    a lookahead in m and a delay of the course in s.
     """
     small = default_steps(path, top_m_s=scope.top_m_s)[0] * LOOPS[path].to_si
     large = min(
-        max(LOOP_STEP_SETTINGS.large_step_ratio * small, distance_m), 30.0
+        max(SETTINGS.large_step_ratio * small, distance_m), 30.0
     )  # m: a larger step across the path is another mission
     speeds = usual_speeds(scope, path)
     # Time for two and a half ways of the large step at the slowest speed.
-    until_s = max(LOOP_STEP_SETTINGS.path_delays * delay_s, 2.5 * large / min(speeds))
-    until_s = float(
-        f"{np.clip(until_s, LOOP_STEP_SETTINGS.shortest_path_s, LOOP_STEP_SETTINGS.longest_path_s):.3g}"
-    )
+    until_s = max(SETTINGS.path_delays * delay_s, 2.5 * large / min(speeds))
+    until_s = float(f"{np.clip(until_s, SETTINGS.shortest_path_s, SETTINGS.longest_path_s):.3g}")
     return LoopTrials(
         loop=path,
         corridor=Corridor(
-            (),
-            (
-                (0.0, 1.0 + LOOP_STEP_SETTINGS.path_overshoot),
-                (until_s, 1.0 + LOOP_STEP_SETTINGS.path_overshoot),
-            ),
+            (), ((0.0, 1.0 + SETTINGS.path_overshoot), (until_s, 1.0 + SETTINGS.path_overshoot))
         ),
         beside={},
         speeds=tuple(np.repeat(speeds, 2).tolist()),
         sizes=(small, large) * len(speeds),
-        settle_s=LOOP_STEP_SETTINGS.path_settle_s,
+        settle_s=SETTINGS.path_settle_s,
     )
 
 
@@ -384,16 +364,14 @@ class PathNumbers:
 
 def path_work_s(scope: TuningScope, paths: Sequence[str]) -> float:
     """Time that `search_paths` flies at most, s."""
-    flights = _CANDIDATES * (1 + max(scope.table.samples, LOOP_STEP_SETTINGS.least_samples)) * 2
-    return sum(
-        flights * len(usual_speeds(scope, path)) * 3.0 * LOOP_STEP_SETTINGS.longest_path_s for path in paths
-    )
+    flights = _CANDIDATES * (1 + max(scope.table.samples, SETTINGS.least_samples)) * 2
+    return sum(flights * len(usual_speeds(scope, path)) * 3.0 * SETTINGS.longest_path_s for path in paths)
 
 
 def search_paths(scope: TuningScope, rig: Rig, paths: Sequence[str], *, seed: int) -> PathNumbers:
     """Numbers of guidance for the paths, "cross_track" and "depth", of a rig with the tuned gains.
 
-    A lookahead is made for the delay of the course (`seatrial.control_design.start_guidance`): that of the
+    A lookahead is made for the delay of the course (`seatrial.control_design.start_autopilot`): that of the
     start gains does not suit loops that a tuning has made faster or calmer.
 
     1. Delta_0 = 2 U tau with the delay tau of the course that the tuned loop has, sensors included.
@@ -410,7 +388,7 @@ def search_paths(scope: TuningScope, rig: Rig, paths: Sequence[str], *, seed: in
     the step (y = (1 - a t) e^(-a t), a = U/2 Delta). Within 30 % every swing is less than a third of the one
     before. Sources: Børhaug, Pavlov and Pettersen (2008), equations 8 and 9; Fossen (2011), section 10.3.
     """
-    samples = scope.samples(max(scope.table.samples, LOOP_STEP_SETTINGS.least_samples), seed)
+    samples = scope.samples(max(scope.table.samples, SETTINGS.least_samples), seed)
     gains = dict[str, float]()
     before, after = dict.fromkeys(("violation", "time"), 0.0), dict.fromkeys(("violation", "time"), 0.0)
     tried, flown_s = 0, 0.0
@@ -418,14 +396,17 @@ def search_paths(scope: TuningScope, rig: Rig, paths: Sequence[str], *, seed: in
         distance, speed, tau = course_lookahead(scope, rig.autopilot, path)
         trials = path_trials(scope, path, distance, tau)
         numbers = _candidates(rig.autopilot, path, distance, INTEGRAL_SHARES[path] * speed)
-        judged = _judged(rig, trials, samples, numbers)
-        chosen = judged.best(numbers[GUIDANCE[path][0]])
+        outside, late = _judged(rig, trials, samples, numbers)
+        # What differs by less than 5 % of the least cost is as good: then the longest lookahead counts.
+        cost = OBJECTIVE_SETTINGS.outside_weight * outside + late
+        equal = np.flatnonzero(cost <= 1.05 * cost.min())
+        chosen = int(equal[np.argmax(numbers[GUIDANCE[path][0]][equal])])
         gains |= {name: float(values[chosen]) for name, values in numbers.items()}
         for ends, place in ((before, -1), (after, chosen)):
-            ends["violation"] += float(judged.outside[place])
-            ends["time"] += float(judged.late[place])
-        tried += len(judged.late)
-        flown_s += len(judged.late) * len(samples) * len(trials) * trials.duration_s
+            ends["violation"] += float(outside[place])
+            ends["time"] += float(late[place])
+        tried += len(late)
+        flown_s += len(late) * len(samples) * len(trials) * trials.duration_s
     return PathNumbers(gains, before, after, tried, flown_s)
 
 
@@ -436,23 +417,11 @@ def _candidates(autopilot: Autopilot, path: str, distance: float, integral: floa
     return {name: np.append(values, own[name]) for name, values in zip(GUIDANCE[path], grid, strict=True)}
 
 
-@dataclass(frozen=True, eq=False)
-class _Judged:
-    """Candidates (k,): mean time beyond the bound of the overshoot, and mean time-weighted error, s."""
-
-    outside: Array
-    late: Array
-
-    def best(self, distances: Array) -> int:
-        """The candidate to take, of lookaheads (k,) in m."""
-        cost = OBJECTIVE_SETTINGS.outside_weight * self.outside + self.late
-        # What differs by less than 5 % of the least cost is as good.
-        equal = np.flatnonzero(cost <= 1.05 * cost.min())
-        return int(equal[np.argmax(distances[equal])])
-
-
-def _judged(rig: Rig, trials: LoopTrials, samples: Samples, numbers: Mapping[str, Array]) -> _Judged:
+def _judged(
+    rig: Rig, trials: LoopTrials, samples: Samples, numbers: Mapping[str, Array]
+) -> tuple[Array, Array]:
+    """Of candidates (k,) the mean time beyond the bound of the overshoot, and mean time-weighted error, s."""
     sums, _, _ = rig.violations(trials, samples, numbers)
     late = sums[..., 0, 2].mean(axis=(1, 2)) / trials.until_s
     own = violated(trials, sums)[..., : samples.nominal]  # a current that is not learnt yet is no overshoot
-    return _Judged(own.mean(axis=(1, 2)), np.where(np.isfinite(late), late, np.inf))
+    return own.mean(axis=(1, 2)), np.where(np.isfinite(late), late, np.inf)

@@ -53,11 +53,9 @@ _NEIGHBOURS = 3  # points that a second difference takes
 
 
 def roughness(gains: Gains, reachable: ArrayLike, *, speeds_m_s: ArrayLike) -> Array:
-    """Sum of squared second differences of ln(gain) along the points, (k,), dimensionless.
-
-    `gains`: values (k,) or one for all by the names of `Autopilot.gains`; those without a point in their
-    name, and gains with fewer than three reached points, cost nothing; `reachable`: whether each breakpoint
-    (6,) is reached; `speeds_m_s`: breakpoints (6,), m/s, unevenly if need be.
+    """Sum of squared second differences of ln(gain) along the breakpoints that are reached, (k,),
+    dimensionless, of gains (k,) by the names of `Autopilot.gains`. Gains with fewer than three reached
+    points cost nothing.
 
     Examples
     --------
@@ -124,7 +122,7 @@ class ObjectiveSettings:
     mean_weight: float = 0.1
 
 
-OBJECTIVE_SETTINGS = ObjectiveSettings()
+SETTINGS = ObjectiveSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,14 +139,12 @@ class Terms:
     def cost(self, smoothness: float) -> Array:
         """J, (k,)."""
         ties = (
-            OBJECTIVE_SETTINGS.time_weight * (self.offset + self.time)
+            SETTINGS.time_weight * (self.offset + self.time)
             + smoothness * self.roughness
-            + OBJECTIVE_SETTINGS.effort_weight * self.effort
+            + SETTINGS.effort_weight * self.effort
         )
         return np.asarray(
-            OBJECTIVE_SETTINGS.outside_weight * self.violation
-            + OBJECTIVE_SETTINGS.margin_weight * self.margin
-            + ties
+            SETTINGS.outside_weight * self.violation + SETTINGS.margin_weight * self.margin + ties
         )
 
 
@@ -207,9 +203,7 @@ class Objective:
         """Costs (k,) of candidates (k, m)."""
         return self.terms(self.parameters.gains(x)).cost(self.smoothness)
 
-    def terms(
-        self, gains: Mapping[str, Array], *, headroom: float = OBJECTIVE_SETTINGS.headroom_share
-    ) -> Terms:
+    def terms(self, gains: Mapping[str, Array], *, headroom: float = SETTINGS.headroom_share) -> Terms:
         """Parts of the cost of k sets of gains."""
         return self.joined(self.still(gains), self.flown(gains, headroom=headroom))
 
@@ -217,9 +211,7 @@ class Objective:
         """The same cost with some of the samples, the vehicle itself first."""
         return replace(self, samples=self.samples.of(places))
 
-    def flown(
-        self, gains: Mapping[str, Array], *, headroom: float = OBJECTIVE_SETTINGS.headroom_share
-    ) -> Flown:
+    def flown(self, gains: Mapping[str, Array], *, headroom: float = SETTINGS.headroom_share) -> Flown:
         """What k sets of gains do with the samples."""
         k = len(next(iter(gains.values())))
         flown = Flown.none(k, len(self.samples))
@@ -230,7 +222,7 @@ class Objective:
             flown.time[:] += share * sums[..., 0, 2].mean(axis=1) / trials.until_s
             # What diverges is off without end.
             beyond = (
-                np.maximum(np.where(np.isnan(off), np.inf, off) - OBJECTIVE_SETTINGS.free_offset_share, 0.0)
+                np.maximum(np.where(np.isnan(off), np.inf, off) - SETTINGS.free_offset_share, 0.0)
                 * trials.until_s
             )
             flown.offset[:] += share * beyond.mean(axis=1)
@@ -283,13 +275,12 @@ class Objective:
 
         now = autopilot.gains()
         enough = np.maximum(
-            OBJECTIVE_SETTINGS.settled_share * trials.until_s,
-            integral_time(now if self.start is None else self.start),
+            SETTINGS.settled_share * trials.until_s, integral_time(now if self.start is None else self.start)
         )
         with np.errstate(invalid="ignore", divide="ignore"):
             slower = np.log(integral_time({**now, **gains}) / enough)  # nan: neither has an integral
         beyond = np.nan_to_num(np.maximum(slower, 0.0), nan=0.0)
-        return np.asarray(OBJECTIVE_SETTINGS.slow_integral_weight * trials.until_s * beyond.mean(axis=0))
+        return np.asarray(SETTINGS.slow_integral_weight * trials.until_s * beyond.mean(axis=0))
 
 
 def violated(trials: LoopTrials, sums: Array) -> Array:
@@ -303,10 +294,9 @@ def violated(trials: LoopTrials, sums: Array) -> Array:
 
 
 def robust(total: Array, quantile: float, *, nominal: int = 0) -> Array:
-    """Worst or a quantile over the samples, and a tenth of their mean, (k,), of violations (k, samples).
-
-    A `quantile` of 1 is the worst. The first `nominal` samples are the vehicle itself, whose worst counts at
-    any quantile: it is what a tuning is feasible by.
+    """Worst or a quantile over the samples, and a tenth of their mean, (k,), of violations (k, samples). Of
+    the first `nominal` samples, the vehicle itself, the worst counts at any quantile: it is what a tuning
+    is feasible by.
     """
     sound = np.isfinite(total).all(axis=1)
     bounded = np.where(np.isfinite(total), total, 0.0)
@@ -314,5 +304,5 @@ def robust(total: Array, quantile: float, *, nominal: int = 0) -> Array:
     worst = own.max(axis=1, initial=0.0)
     if drawn.shape[1]:
         worst = np.maximum(worst, np.quantile(drawn, quantile, axis=1))
-    cost = worst + OBJECTIVE_SETTINGS.mean_weight * bounded.mean(axis=1)
+    cost = worst + SETTINGS.mean_weight * bounded.mean(axis=1)
     return np.where(sound, cost, np.inf)

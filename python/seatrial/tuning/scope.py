@@ -14,9 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
-from seatrial.control_design.mode_table import MODE_TABLE_SETTINGS, breakpoint_speeds, top_speeds
-from seatrial.control_design.operating_points import autopilot_facts, reachable_points
-from seatrial.control_design.start_guidance import steady_speed
+from seatrial.control_design.operating_points import SETTINGS as MODE_TABLE_SETTINGS
+from seatrial.control_design.operating_points import (
+    autopilot_facts,
+    breakpoint_speeds,
+    reachable_points,
+    top_speeds,
+)
+from seatrial.control_design.start_autopilot import steady_speed
 from seatrial.control_design.tuning_table import TuningTable
 from seatrial.tuning.step_trial import RIDES_ON, Rig, Samples
 from seatrial.vehicle.actuators import LOOPS, NOMINAL_V, ROWS, reach
@@ -109,10 +114,8 @@ class TuningScope:
         return steady_speed(self.vehicle, np.zeros(6), ROWS.index("Y"), force)
 
     def largest_step(self, loop: str) -> float:
-        """Largest step of a loop from its level set point in the file's unit, inf where nothing limits it.
-
-        Guidance asks for no more pitch than ``pitch_max_deg``; what would end beyond 95 % of the top speeds,
-        less the current, is no step of a speed.
+        """Largest step of a loop from its level set point in the file's unit, inf where nothing limits it:
+        the pitch that guidance asks for, and 95 % of the top speed less the current.
         """
         if loop == "pitch":
             return float(autopilot_facts(self.autopilot).guidance["pitch_max_deg"])
@@ -151,9 +154,8 @@ class TuningScope:
         max_step_s: float = 0.02,
         threads: int | None = None,
     ) -> Rig:
-        """The closed loop of an autopilot, with the sensors of the campaign.
-
-        The vehicle is by default that with the best values, which the autopilot takes it for.
+        """The closed loop of an autopilot, with the sensors of the campaign; the vehicle is by default that
+        with the best values, which the autopilot takes it for.
         """
         return Rig(
             self.vehicle if vehicle is None else vehicle,
@@ -166,9 +168,8 @@ class TuningScope:
         )
 
     def samples(self, count: int, seed: int, *, nominal: int = 1) -> Samples:
-        """The vehicle itself in still water, then `count` drawn vehicles with a current from all sides.
-
-        `nominal`: how often the vehicle itself flies, each time with other noise.
+        """The vehicle itself in still water, `nominal` times with other noise, then `count` drawn vehicles
+        with a current from all sides.
         """
         size = nominal + count
         drawn = self.fitted.draws(count, seed + SETTINGS.seed_offset)
@@ -184,16 +185,7 @@ class TuningScope:
 
 
 def slowest_level_m_s(vehicle: Vehicle, autopilot: Autopilot) -> float | None:
-    """Least speed ahead at which the vehicle holds its depth, m/s; None where a mode of it hovers.
-
-    Examples
-    --------
-    >>> import seatrial as st
-    >>> round(slowest_level_m_s(st.Vehicle.load("remus100"), st.Autopilot.load("remus100")), 2)
-    1.54
-    >>> slowest_level_m_s(st.Vehicle.load("cwolf"), st.Autopilot.load("cwolf")) is None
-    True
-    """
+    """Least speed ahead at which the vehicle holds its depth, m/s; None where a mode of it hovers."""
     facts = autopilot_facts(autopilot)
     if facts.hovers:
         return None
@@ -220,10 +212,9 @@ class Parameter:
 class GainParameters:
     """Parameters of a search; candidates are logarithms of factors, (k, m).
 
-    A parameter is one factor on a start gain for each breakpoint that the trials move, searched by its
-    logarithm. A point that no trial comes near goes with the nearest one that a trial does; a point that the
-    vehicle never reaches takes its value from the nearest one that it does. A gain that starts at zero stays
-    there.
+    A parameter is one factor on a start gain for each breakpoint that the trials move. A point that no trial
+    comes near goes with the nearest one that a trial does; one that the vehicle never reaches takes its value
+    from the nearest one that it does. A gain that starts at zero stays there.
     """
 
     parameters: tuple[Parameter, ...]
@@ -252,18 +243,9 @@ class GainParameters:
         }
 
     def through(self, gains: Mapping[str, float]) -> tuple[GainParameters, Array]:
-        """The same factors on other gains, and the logarithms (m,) that give exactly these.
-
-        What one factor scales keeps its ratio among itself, and every gain within the bounds about its own
-        start value. Gains that are not named are the start values.
-
-        Examples
-        --------
-        >>> start = {"surge.K_P.1": 10.0, "surge.K_P.2": 20.0}
-        >>> one = GainParameters.of_loop("surge", start, free=[0], reached=[0, 1], bounds=(0.1, 10.0))
-        >>> now, x = one.through({"surge.K_P.1": 20.0, "surge.K_P.2": 20.0})
-        >>> {name: round(float(values[0]), 9) for name, values in now.gains(x).items()}
-        {'surge.K_P.1': 20.0, 'surge.K_P.2': 20.0}
+        """The same factors on other gains (start values where not named), and the logarithms (m,) that give
+        exactly these. What one factor scales keeps its ratio, and every gain the bounds about its own
+        start value.
         """
         moved, logarithms = [], []
         for parameter in self.parameters:
@@ -295,11 +277,8 @@ class GainParameters:
         reached: Sequence[int],
         bounds: tuple[float, float],
     ) -> GainParameters:
-        """Factors on the gains of a loop.
-
-        `gains`: start values, by the names of `Autopilot.gains`; `free`: breakpoints (from 0) that get a
-        factor of their own; `taken`: points that another search sets; `reached`: points that the vehicle
-        reaches; `bounds`: of every factor.
+        """Factors on the gains of a loop from their start values: `free` breakpoints (from 0) get a factor of
+        their own, `taken` ones are set by another search, `reached` are those that the vehicle reaches.
 
         Examples
         --------
@@ -345,13 +324,7 @@ class GainParameters:
 
 
 def excited_points(speeds_m_s: Iterable[float], points_m_s: Sequence[float]) -> list[int]:
-    """Breakpoints (from 0) whose gains trials at some speeds tell of.
-
-    Examples
-    --------
-    >>> excited_points([1.5, 3.0], [-5.0, -3.0, -1.0, 1.0, 3.0, 5.0])
-    [3, 4]
-    """
+    """Breakpoints (from 0) whose gains trials at some speeds tell of."""
     excited = set()
     for speed in speeds_m_s:
         for point in range(len(points_m_s)):

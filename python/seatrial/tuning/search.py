@@ -22,7 +22,8 @@ from seatrial.base.plain import Plain
 from seatrial.base.run import RunDirectory, sha256
 from seatrial.base.work import Step, Watch
 from seatrial.estimation.search import SEARCH_SETTINGS, Optimum, batch_size, evolve, join, refine
-from seatrial.tuning.objective import OBJECTIVE_SETTINGS, Flown, Objective, Still, Terms
+from seatrial.tuning.objective import SETTINGS as OBJECTIVE_SETTINGS
+from seatrial.tuning.objective import Flown, Objective, Still, Terms
 from seatrial.tuning.scope import GainParameters, excited_points
 from seatrial.tuning.step_trial import Rig, Samples
 
@@ -56,7 +57,7 @@ class GroupSearchSettings:
     margin_rounding: float = 0.01
 
 
-GROUP_SEARCH_SETTINGS = GroupSearchSettings()
+SETTINGS = GroupSearchSettings()
 
 Fly = Callable[[Array, Sequence[int]], Flown]
 """What candidates (k, m) do with some of all samples."""
@@ -133,35 +134,31 @@ class Race:
     def narrow(self, x: Array) -> None:
         """Meet only the samples that are worst for candidates (k, m), of noises and of drawn vehicles."""
         samples = self.objective.samples
-        if len(samples) <= GROUP_SEARCH_SETTINGS.few_samples or self.objective.quantile < 1.0:
+        if len(samples) <= SETTINGS.few_samples or self.objective.quantile < 1.0:
             return
         flown = self.fly(x, range(len(samples)))
         # Where nothing is violated, the one that is farthest off meanwhile tells most.
-        size = np.minimum(flown.violation, GROUP_SEARCH_SETTINGS.diverged_violation_s) + 1e-3 * np.minimum(
-            flown.time, GROUP_SEARCH_SETTINGS.diverged_violation_s
+        size = np.minimum(flown.violation, SETTINGS.diverged_violation_s) + 1e-3 * np.minimum(
+            flown.time, SETTINGS.diverged_violation_s
         )
         order = np.argsort(-size.max(axis=0), kind="stable").tolist()
-        own = [place for place in order if place < samples.nominal][: GROUP_SEARCH_SETTINGS.met_noises]
-        drawn = [place for place in order if place >= samples.nominal][: GROUP_SEARCH_SETTINGS.met_vehicles]
+        own = [place for place in order if place < samples.nominal][: SETTINGS.met_noises]
+        drawn = [place for place in order if place >= samples.nominal][: SETTINGS.met_vehicles]
         self._meet(sorted(own + drawn))
 
     def inside(self) -> bool:
         """Whether corridors and margins are kept by the best so far."""
-        return bool(self.history) and sum(self.history[-1][1:]) <= GROUP_SEARCH_SETTINGS.kept_cost
+        return bool(self.history) and sum(self.history[-1][1:]) <= SETTINGS.kept_cost
 
     def enough(self) -> bool:
-        """Whether corridors are kept, and the last generations gained next to nothing.
-
-        The last parent counts as well as the best: one lucky candidate of a wide generation stalls the best.
+        """Whether corridors are kept, and the last generations gained next to nothing: the last parent counts
+        as well as the best, as one lucky candidate of a wide generation stalls the best.
         """
-        if (
-            len(self.parents) <= GROUP_SEARCH_SETTINGS.patience_generations
-            or self.history[-1][1] > GROUP_SEARCH_SETTINGS.kept_cost
-        ):
+        if len(self.parents) <= SETTINGS.patience_generations or self.history[-1][1] > SETTINGS.kept_cost:
             return False
-        best = self.history[-1 - GROUP_SEARCH_SETTINGS.patience_generations][0] - self.history[-1][0]
-        last = self.parents[-1 - GROUP_SEARCH_SETTINGS.patience_generations] - self.parents[-1]
-        return best < GROUP_SEARCH_SETTINGS.even_cost and last < 2.0 * GROUP_SEARCH_SETTINGS.even_cost
+        best = self.history[-1 - SETTINGS.patience_generations][0] - self.history[-1][0]
+        last = self.parents[-1 - SETTINGS.patience_generations] - self.parents[-1]
+        return best < SETTINGS.even_cost and last < 2.0 * SETTINGS.even_cost
 
     def _meet(self, places: Sequence[int]) -> None:
         self.met = list(places)
@@ -358,7 +355,7 @@ def _nearest_sound(
         seed=seed,
         population=32,  # margins take no flight, so that a search is cheap
         generations=100,
-        tolerance=GROUP_SEARCH_SETTINGS.log_tolerance,
+        tolerance=SETTINGS.log_tolerance,
         watch=watch,
     )
 
@@ -374,10 +371,8 @@ def search_group(
     watch: Watch | None = None,
     fleet: Fleet | None = None,
 ) -> GroupResult:
-    """Gains of a group, all others as the rig's autopilot has them.
-
-    `start`: gains so far, whose bounds stay those about the campaign's start gains. `watch` is called with a
-    `Step` after every batch. Candidates fly in the fleet, or in this process.
+    """Gains of a group, all others as the rig's autopilot has them, from `start` on, within the bounds about
+    the campaign's start gains; candidates fly in the fleet, or in this process.
     """
     parameters, begin = group.parameters.through(start)
     quantile = 1.0 if plan.table.robust == "worst" else float(plan.table.robust)
@@ -394,7 +389,7 @@ def search_group(
     )
     lower, upper = parameters.bounds
     budget = plan.table.budget
-    tolerance = budget.tolerance or GROUP_SEARCH_SETTINGS.log_tolerance
+    tolerance = budget.tolerance or SETTINGS.log_tolerance
     fly = Here(objective) if fleet is None else Elsewhere(objective, fleet)
     # Of many samples those that are worst now: what one of them violates, all violate at least.
     race = Race(objective, fly)
@@ -406,8 +401,8 @@ def search_group(
         upper=upper,
         seed=seed,
         population=budget.population or batch_size(len(parameters)),
-        generations=budget.generations or GROUP_SEARCH_SETTINGS.generations,
-        spread=GROUP_SEARCH_SETTINGS.first_spread,
+        generations=budget.generations or SETTINGS.generations,
+        spread=SETTINGS.first_spread,
         tolerance=tolerance,
         watch=watch,
         enough=race.enough,
@@ -421,7 +416,7 @@ def search_group(
             coarse.elite,
             lower=lower,
             upper=upper,
-            rounds=budget.simplex_rounds or GROUP_SEARCH_SETTINGS.rounds,
+            rounds=budget.simplex_rounds or SETTINGS.rounds,
             tolerance=tolerance,
             watch=watch,
         )

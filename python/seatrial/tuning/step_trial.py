@@ -4,7 +4,7 @@ A trial is a flight at a speed: the loop settles at its set point, steps, and af
 back, so that it counts in both directions. Heading, speed and, where the loop is none of them, depth stay
 with guidance on a straight level leg north; what may happen to them meanwhile are corridors beside it.
 A path is stepped by moving the whole plan: guidance and the loop answer together. All candidates fly
-in lockstep with the same noise (`seatrial.flight.fly`; the core adds up the sums).
+in lockstep with the same noise (`seatrial.flight.flight`; the core adds up the sums).
 
 Sensors have their noise, digits, rates and delays, but no offset, no drift and no drop-outs: an offset that
 is constant through a flight moves the answer, a log that falls silent in the middle of a step leaves any
@@ -63,7 +63,7 @@ class StepTrialSettings:
     leg_m: float = 1e6  #: Length of the leg, m: no trial comes to its end.
 
 
-STEP_TRIAL_SETTINGS = StepTrialSettings()
+SETTINGS = StepTrialSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,11 +140,7 @@ class LoopTrials:
 
     def base(self, trial: int) -> float:
         """Set point of a trial before its step, SI."""
-        held = {
-            "surge": self.speeds[trial],
-            "heave": STEP_TRIAL_SETTINGS.depth_m,
-            "depth": STEP_TRIAL_SETTINGS.depth_m,
-        }
+        held = {"surge": self.speeds[trial], "heave": SETTINGS.depth_m, "depth": SETTINGS.depth_m}
         return held.get(self.loop, 0.0)
 
     def grid(self, period_s: float) -> Array:
@@ -156,7 +152,7 @@ class LoopTrials:
         """Control periods (p,) in which an answer should be at rest: the last quarter there, and back."""
         since = self.grid(period_s) - self.settle_s
         there, back = (
-            (since > (1.0 - STEP_TRIAL_SETTINGS.rest_share) * self.until_s + after - 1e-9)
+            (since > (1.0 - SETTINGS.rest_share) * self.until_s + after - 1e-9)
             & (since < self.until_s + after - 1e-9)
             for after in (0.0, self.until_s)
         )
@@ -168,9 +164,8 @@ class LoopTrials:
         return period_s * int(there.sum()), period_s * int(back.sum())
 
     def bounds(self, period_s: float, *, headroom: float = 0.0) -> tuple[Array, Array, Array, Array]:
-        """Lower and upper bound, target and clock of the normalised answer per control period, (p,) each.
-
-        Both bounds move inwards by `headroom`, as a share of the step, as far as they leave room.
+        """Lower and upper bound, target and clock of the normalised answer per control period, (p,) each;
+        both bounds move inwards by `headroom`, a share of the step, as far as they leave room.
         """
         t = self.grid(period_s)
         lower, upper = np.full(len(t), -np.inf), np.full(len(t), np.inf)
@@ -214,17 +209,11 @@ class Rig:
     ) -> tuple[Array, Array, Array]:
         """What k candidates violate, how much their commands move, and how far off they come to rest.
 
-        `headroom`: see `LoopTrials.bounds`.
-
-        Returns
-        -------
-        violations : (k, trials, samples, corridors, 3) ndarray
-            Below, above (s), and time-weighted deviation (s^2); infinite for what diverged.
-        travel : (k, trials, samples) ndarray
-            Mean rate of the commands, shares of an actuator's range per s.
-        offset : (k, trials, samples) ndarray
-            Mean distance from the set point over the last quarter of the corridor, as a share of the step,
-            the larger one of there and back. Noise is averaged out of it.
+        Violations (k, trials, samples, corridors, 3): below, above (s), and time-weighted deviation (s^2);
+        infinite for what diverged. Travel (k, trials, samples): mean rate of the commands, shares of an
+        actuator's range per s. Offset (k, trials, samples): mean distance from the set point over the last
+        quarter of the corridor, a share of the step, the larger of there and back; noise is averaged out of
+        it.
         """
         columns = {name: np.atleast_1d(np.asarray(values, float)) for name, values in gains.items()}
         k = len(next(iter(columns.values()))) if columns else 1
@@ -331,7 +320,7 @@ class Rig:
         still = np.zeros(len(lower))
         bounded = np.isfinite(lower) | np.isfinite(upper)
         for name, half in trials.beside.items():
-            level = {"u": speed, "z": np.full(count, STEP_TRIAL_SETTINGS.depth_m)}.get(name, np.zeros(count))
+            level = {"u": speed, "z": np.full(count, SETTINGS.depth_m)}.get(name, np.zeros(count))
             inside = 1.0 - min(headroom, 0.25)
             low, high = np.where(bounded, -inside, -np.inf), np.where(bounded, inside, np.inf)
             corridors.append((name, per_trial(level), np.full(count * s * k, half), low, high, still, clock))
@@ -361,7 +350,7 @@ class Rig:
     def _on_leg(self, speed: float, duration_s: float) -> Cases:
         """A straight level leg north that nobody reaches the end of."""
         if (speed, duration_s) not in self._ready:
-            depth = STEP_TRIAL_SETTINGS.depth_m
+            depth = SETTINGS.depth_m
             mission = Mission.from_toml(
                 f"""
                 format = 1
@@ -369,7 +358,7 @@ class Rig:
                 speed_m_s = {speed!r}
                 acceptance_radius_m = 10.0
                 start = {{ north_m = 0.0, east_m = 0.0, depth_m = {depth}, heading_deg = 0.0 }}
-                legs = [{{ north_m = {STEP_TRIAL_SETTINGS.leg_m}, east_m = 0.0, depth_m = {depth} }}]
+                legs = [{{ north_m = {SETTINGS.leg_m}, east_m = 0.0, depth_m = {depth} }}]
                 """
             )
             ready = Cases.of(
@@ -384,6 +373,7 @@ class Rig:
                     max_time_s=duration_s,
                 ),
             )
+            # What is constant through a flight, and what falls silent, is no property of the gains.
             errors = ready.channels.errors.copy()
             errors[:, _OFFSETS] = 0.0
             timing = ready.channels.timing.copy()
@@ -404,9 +394,8 @@ def _offset(sums: Array, rest_s: tuple[float, float]) -> Array:
 
 
 def _there_and_back(sums: Array) -> Array:
-    """Sums (cases, corridors, 3): those of the way back, the second corridor, added to the first.
-
-    On the way back the answer is mirrored, so that a shortfall of the step is an excess in the channel.
+    """Sums (cases, corridors, 3): those of the way back, the second corridor, added to the first; the answer
+    is mirrored there, so that a shortfall of the step is an excess in the channel.
     """
     there, back = sums[:, 0], sums[:, 1][:, [1, 0, 2]]
     return np.concatenate([(there + back)[:, None], sums[:, 2:]], axis=1)

@@ -25,7 +25,7 @@ import time
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any
 
 from seatrial._core import Autopilot, checked_threads
 from seatrial.base.errors import CampaignError, SeatrialError
@@ -37,16 +37,18 @@ from seatrial.flight.sensor_channels import sensors_of
 from seatrial.identification.fitted import Fitted
 from seatrial.tuning.control_problem import ControlProblem, Group
 from seatrial.tuning.loop_steps import path_work_s, search_paths
-from seatrial.tuning.objective import OBJECTIVE_SETTINGS
-from seatrial.tuning.performance import Performance, assess, assess_without_noise, revert_gains
-from seatrial.tuning.result import Tuning, tuned_autopilot, without_table
-from seatrial.tuning.search import (
-    GROUP_SEARCH_SETTINGS,
-    GUIDANCE_SEARCH,
-    GroupResult,
-    search_group,
-    search_margins,
+from seatrial.tuning.objective import SETTINGS as OBJECTIVE_SETTINGS
+from seatrial.tuning.result import (
+    Performance,
+    Tuning,
+    assess,
+    assess_without_noise,
+    revert_gains,
+    tuned_autopilot,
+    without_table,
 )
+from seatrial.tuning.search import GUIDANCE_SEARCH, GroupResult, search_group, search_margins
+from seatrial.tuning.search import SETTINGS as GROUP_SEARCH_SETTINGS
 from seatrial.tuning.step_trial import Rig, Samples
 
 if TYPE_CHECKING:
@@ -76,10 +78,8 @@ _ASSESSMENT = "assessment"
 
 
 class TuningRun:
-    """One tuning under way.
-
-    `run`: where finished groups are kept; `progress`: called with a `Progress`; `threads`: all by default;
-    `fleet`: where the candidates of a search fly; in this process when omitted.
+    """One tuning under way: finished groups are kept in `run`; candidates of a search fly in the `fleet`, or
+    in this process.
     """
 
     def __init__(
@@ -395,32 +395,18 @@ class WorkLeft:
         return sum(self._left.values())
 
 
-@overload
-def tune(problem: ControlProblem, *, work: Work = HERE) -> Tuning: ...
-
-
-@overload
-def tune(
-    fit: Identification | Fitted | Vehicle | str | Path,
-    autopilot: Autopilot | str | Path,
-    /,
-    *,
-    loops: Mapping[str, Mapping[str, Any]] | None = None,
-    settings: Mapping[str, Any] | None = None,
-    name: str | None = None,
-    seed: int = 0,
-    work: Work = HERE,
-) -> Tuning: ...
-
-
 @takes(work=Work)
 @callers_errors_pass
 def tune(
     problem: ControlProblem | Identification | Fitted | Vehicle | str | Path,
     autopilot: Autopilot | str | Path | None = None,
     *,
+    loops: Mapping[str, Mapping[str, Any]] | None = None,
+    settings: Mapping[str, Any] | None = None,
+    name: str | None = None,
+    seed: int = 0,
     work: Work = HERE,
-    **asked: Any,
+    **others: Any,
 ) -> Tuning:
     """Tuning: an autopilot with tuned gains, how its responses keep to their corridors, and its margins.
 
@@ -478,12 +464,14 @@ def tune(
     >>> [group.name for group in tuning.groups[:2]]
     ['margins', 'heading']
     """
-    if "relay" in asked:
+    if "relay" in others:
         raise CampaignError(
             "tune: relay: relay tuning is not offered, as the search by corridors was better on every loop"
             " that was measured; leave it out, and take start gains from seatrial.start_autopilot"
         )
     checked_threads(work.threads)
+    asked = {"loops": loops, "settings": settings, "name": name, "seed": seed or None} | others
+    asked = {key: value for key, value in asked.items() if value is not None}
     if not isinstance(problem, ControlProblem):
         if callable(getattr(problem, "control_problem", None)):
             raise CampaignError("tune: found a campaign; use campaign.tune(fit, work=st.Work(...))")
@@ -492,7 +480,7 @@ def tune(
                 "tune: expected a ControlProblem, or a vehicle and its autopilot, found a vehicle alone; give"
                 " an Autopilot, a built-in name or a file as second argument"
             )
-        problem = ControlProblem(problem, autopilot, **asked.pop("settings", None) or {}, **asked)
+        problem = ControlProblem(problem, autopilot, **asked.pop("settings", {}), **asked)
     elif autopilot is not None or asked:
         given = "autopilot" if autopilot is not None else next(iter(asked))
         raise CampaignError(f"tune: {given}: the problem says that; give it only beside a vehicle")

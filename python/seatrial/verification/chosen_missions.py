@@ -46,8 +46,7 @@ from collections.abc import Mapping, Sequence
 
 from seatrial.base.errors import CampaignError, SimulationError, nearest
 from seatrial.base.plain import Plain
-from seatrial.flight.failures import Fault, Outage, fault_rows, outage_rows
-from seatrial.flight.sea import CALM
+from seatrial.flight.disturbances import CALM, Fault, Outage, fault_rows, outage_rows
 from seatrial.verification.table import CaseTable
 
 if TYPE_CHECKING:

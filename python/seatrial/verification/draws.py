@@ -32,8 +32,7 @@ from seatrial._core import autopilot_names
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 from seatrial.flight.checks import checked_seed
-from seatrial.flight.failures import Outage, outage_rows
-from seatrial.flight.sea import CALM, LIMITS, steepest_period
+from seatrial.flight.disturbances import CALM, LIMITS, Outage, outage_rows, steepest_period
 from seatrial.identification.fitted import Fitted
 from seatrial.statistics.draws import checked_numbers, uniforms
 from seatrial.verification.table import DistributionTable, VerificationTable, Waves
@@ -41,7 +40,7 @@ from seatrial.verification.table import DistributionTable, VerificationTable, Wa
 if TYPE_CHECKING:
     from seatrial.flight.mission import Mission
 from seatrial.base.errors import SimulationError, nearest
-from seatrial.flight.failures import Fault, fault_rows
+from seatrial.flight.disturbances import Fault, fault_rows
 from seatrial.vehicle.actuators import actuator_groups
 from seatrial.verification.table import FaultTable, OutageTable
 
@@ -56,7 +55,7 @@ class Draws:
     `numbers`: of the cases in the campaign: with them each can be drawn again alone. `mission`: index of the
     mission that each flies, (k,). `coefficients`: of the vehicle that flies, by name, (k,) each. `current`,
     `turbulence`: mean velocity of the water, and standard deviation about it, (k, 3), m/s. `waves`: sea
-    states (k, 5), see `seatrial.flight.sea`. `position`, `attitude`, `nu`: start: place (k, 3), roll, pitch,
+    states (k, 5), rows of `seatrial.SeaState`. `position`, `attitude`, `nu`: start: place (k, 3), roll, pitch,
     yaw (k, 3), velocities over ground in the body frame (k, 6). `faults`: rows (case, actuator, time in s,
     command or nan) with the case's place among these. `outages`: rows (case, group, from, until in s).
     `seeds`: of the sensors' noise and of the water's motion, (k,). `causes`: what was drawn, by readable

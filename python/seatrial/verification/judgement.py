@@ -5,7 +5,7 @@ bottom, clearance without obstacles) holds any limit, and one that no mission ha
 vehicle file does not tell would be 0 Wh; a requirement on it is refused beforehand. Cross-track errors
 without ``true_`` are those that guidance perceived: where dead reckoning drifts, they stay small while the
 vehicle leaves its path. Missions may also be beyond any autopilot: cut short, or faster than the top speed of
-the identified vehicle straight ahead (`seatrial.control_design.mode_table`) at the table's supply voltage.
+the identified vehicle straight ahead (`seatrial.control_design.operating_points`) at the table's supply.
 
 The robustness of a requirement says by how much a mission held it, so that near misses are told from safe
 ones. A requirement is a formula of signal temporal logic over one flight. Its metrics are what the operators
@@ -264,7 +264,7 @@ def _time(flights: CampaignFlights, flown: FlownMissions) -> list[Finding]:
 
 
 def _speed(flights: CampaignFlights, draws: Draws) -> list[Finding]:
-    from seatrial.control_design.mode_table import top_speeds
+    from seatrial.control_design.operating_points import top_speeds
 
     vehicle = flights.fitted.vehicle
     try:

@@ -33,10 +33,9 @@ from seatrial.base.report import clause_of
 from seatrial.base.work import Clock, Progress
 from seatrial.flight.cases import Cases
 from seatrial.flight.conditions import Conditions, Water
-from seatrial.flight.failures import Fault, Outage
+from seatrial.flight.disturbances import Fault, Outage, SeaState
 from seatrial.flight.flight import Flight
 from seatrial.flight.mismatch import mismatch
-from seatrial.flight.sea import SeaState
 from seatrial.identification.fitted import Fitted
 from seatrial.verification.draws import Draws, draw_missions
 from seatrial.verification.expression import KNOWN

@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError, nearest
-from seatrial.flight.metrics import METRIC_SETTINGS
+from seatrial.flight.metrics import SETTINGS as METRIC_SETTINGS
 from seatrial.verification.expression import KNOWN, Metric, check, names_in, parse, unit_of
 from seatrial.verification.table import Obstacle, VerificationTable
 

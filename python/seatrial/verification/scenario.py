@@ -32,9 +32,8 @@ from seatrial.flight.checks import (
     longest,
     within,
 )
-from seatrial.flight.failures import Outage, outage_rows
+from seatrial.flight.disturbances import LIMITS, Outage, outage_rows
 from seatrial.flight.mission import Mission, Route
-from seatrial.flight.sea import LIMITS
 from seatrial.flight.sensor_channels import sensor_channels, sensors_of
 from seatrial.identification.fitted import Fitted
 from seatrial.sensors.sensor import TYPICAL

@@ -302,7 +302,7 @@ class FlownRun:
         filter_record = self.record.get("filter")
         if filter_record is None:
             return ""
-        from seatrial.flight.sea import sea_rows
+        from seatrial.flight.disturbances import sea_rows
 
         lines = {"navigation": filter_record["numbers"], "navigation_period": filter_record["period_s"]}
         if self.filter_model is not None:
@@ -364,8 +364,7 @@ def _flown_in(record: Mapping[str, Any]) -> tuple[Water, Conditions, int]:
     """Water, conditions and seed of a run from its record."""
     from seatrial._core import State
     from seatrial.flight.conditions import Conditions, Water
-    from seatrial.flight.failures import Fault, Outage
-    from seatrial.flight.sea import SeaState
+    from seatrial.flight.disturbances import Fault, Outage, SeaState
     from seatrial.sensors.sensor import Sensor
 
     sensors, start = record["sensors"], record["start"]

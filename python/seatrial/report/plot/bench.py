@@ -46,8 +46,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from seatrial.bench_test.characteristic import UnitFit
+    from seatrial.bench_test.evaluate import BenchTest
     from seatrial.bench_test.motor_estimate import MotorEstimate
-    from seatrial.bench_test.result import BenchTest
 
 
 @dataclass(frozen=True)

@@ -408,7 +408,7 @@ def speed_steps(plan: ControlProblem, start: Autopilot, tuned: Autopilot) -> Fig
 def _flown(plan: ControlProblem, autopilot: Autopilot, times: Array, levels: Array) -> Array:
     """Speed ahead (n,), m/s, per control period."""
     from seatrial.flight.conditions import Conditions
-    from seatrial.flight.fly import fly_batch
+    from seatrial.flight.flight import fly_batch
     from seatrial.flight.mission import Mission
 
     # A leg so long that no flight ends it: set points take the place of guidance.

@@ -18,8 +18,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
 from seatrial.flight.metrics import saturated
-from seatrial.flight.payload import Phase
-from seatrial.flight.water import CHANNELS, properties
+from seatrial.flight.payload import CHANNELS, Phase, properties
 from seatrial.report.plot.flight import (
     event_lines,
     flight_heading,

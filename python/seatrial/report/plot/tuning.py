@@ -58,8 +58,7 @@ if TYPE_CHECKING:
     from seatrial._core import Autopilot, Vehicle
     from seatrial.control_design.tuning_table import Margins
     from seatrial.sensors.sensor import Sensor
-    from seatrial.tuning.performance import Performance, Responses
-    from seatrial.tuning.result import Tuning
+    from seatrial.tuning.result import Performance, Responses, Tuning
 
 _LABELS = {
     "surge": "speed ahead u",

@@ -11,12 +11,13 @@ from functools import singledispatch
 
 import numpy as np
 
+from seatrial.base.finding import Finding
 from seatrial.bench_test.characteristic import DirectionFit, UnitFit, actuator_ratios
+from seatrial.bench_test.evaluate import BenchTest
 from seatrial.bench_test.motor_estimate import SETTINGS as MOTOR_SETTINGS
 from seatrial.bench_test.motor_estimate import ActuatorDifference, MotorEstimate, MotorParameter, WrittenMotor
 from seatrial.bench_test.motor_model import symbol
 from seatrial.bench_test.pulls import PullPoints
-from seatrial.bench_test.result import BenchTest
 from seatrial.bench_test.vehicle_text import PER_MINUTE
 
 _MOST_OUTLIERS = 4  # that a sentence names
@@ -33,13 +34,63 @@ def _of_test(test: BenchTest) -> list[str]:
     """What a test says; warnings begin with WARNING."""
     lines = []
     for record in test.records.values():
-        lines += [f"pull {record.name}: {note}" for note in record.notes]
+        lines += [f"pull {record.name}: {note}" for note in (*record.notes, *map(_warning, record.doubts))]
     for unit, fit in test.pulls.items():
         own = [record for record in test.records.values() if record.name in fit.points.pull]
         lines += _pull(unit, fit, own)
     for unit, motor in test.motors.items():
         lines += _motor(unit, motor)
-    return lines + [f"WARNING: {text}" for text in test.warnings] + list(test.notes)
+    return lines + [_warning(doubt) for doubt in test.findings] + list(test.notes)
+
+
+def warned(test: BenchTest) -> list[str]:
+    """What looks wrong in a test, with the pull or curve that it is about."""
+    lines = [
+        f"pull {record.name}: {_warning(doubt)}"
+        for record in test.records.values()
+        for doubt in record.doubts
+    ]
+    for unit, fit in test.pulls.items():
+        for side, direction in fit.directions.items():
+            lines += [f"{unit} {side}: {text}" for text in _outliers(fit, direction)]
+    return lines + [_warning(doubt) for doubt in (*test.findings, *test.lost)]
+
+
+_DOUBTS = {
+    "no motor": "{subject} motor: {name} = {value_s:.3g} s is not that of a motor; is t_s in seconds?",
+    "wrong side": "pull {subject}: no point of {file} lies {side}; is it the right record?",
+    "points twice": "pull {subject} holds the points of pull {other} once more: they count twice, and the"
+    " standard deviations come out too small; remove one",
+    "untested range": "{subject}: tested up to {tested:.4g} of {most:.4g} {unit}; beyond, the curve is a"
+    " guess",
+    "curve falls": "{subject}: the curve falls between {top:.4g} and {bottom:.4g} {unit}{at}, which no"
+    " propeller does; more points there, or a lower order",
+    "curve pushes back": "{subject}: the curve pushes the wrong way up to {up_to:.4g} {unit}{at}; try"
+    " through_origin = true, or tare the cell",
+    "dead band smeared": "{subject}: no thrust from {low:+.4g} to {high:+.4g} {unit}, a dead band that a"
+    ' polynomial smears; take order = "points"',
+    "supply sagged": "{subject}: the supply ran from {low_v:.3g} to {high_v:.3g} V and thrust follows it;"
+    ' take inputs = ["signal", "voltage"]',
+    "poor fit": "{subject}: R2 is only {r2:.3f}; the order does not fit, or the load is noisy",
+    "not written": "{subject} is not written into the vehicle file: {why}",
+    "inflow dropped": "kind {kind} knows no inflow: {keys} of {subject} dropped",
+    "log without time": "{rows} rows in a row have the same signal; if this is a log, map its time as t_s:"
+    " its samples err alike, and intervals of rows taken as points are too narrow",
+    "load across": "{share_percent:.0f} % of the load acts across the direction of the vehicle file; check"
+    " direction of the actuators and alignment of the cell",
+}
+"""Words of the findings of a bench test, by their kind."""
+
+
+def sentence(finding: Finding) -> str:
+    """A finding of a bench test in words."""
+    supply_v = finding.values.get("supply_v")
+    at = "" if supply_v is None else f" at {supply_v:.3g} V"
+    return _DOUBTS[finding.kind].format(subject=finding.subject, at=at, **finding.values)
+
+
+def _warning(finding: Finding) -> str:
+    return f"WARNING: {sentence(finding)}"
 
 
 def _pull(unit: str, fit: UnitFit, records: Sequence[PullPoints]) -> list[str]:

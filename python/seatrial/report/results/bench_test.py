@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from seatrial.base.report import Report, Section, Table
-from seatrial.bench_test.result import BenchTest
-from seatrial.report.results.bench_sentences import exponent_text, share, verb_of
+from seatrial.bench_test.evaluate import BenchTest
+from seatrial.report.results.bench_sentences import exponent_text, share, verb_of, warned
 
 WRITE = (
     "write the results into the vehicle file (seatrial bench FILE --in-place, or --write FILE), then"
@@ -27,7 +27,7 @@ def report(test: BenchTest) -> Report:
         next_step=next_step,
         sections=(
             Section(
-                sentences=tuple(text for text in statements if "WARNING" in text),
+                sentences=tuple(warned(test)),
                 tables=(_regression_table(test), _fit_table(test), _table_errors(test), _motor_table(test)),
             ),
             Section("Remarks", tuple(statements), details=True),

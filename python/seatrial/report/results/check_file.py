@@ -15,7 +15,7 @@ from seatrial.check.autopilot import AutopilotCheck, AutopilotMargins
 from seatrial.check.legs import LegRow
 from seatrial.check.mission import FlownCheck, MissionCheck
 from seatrial.check.vehicle import VehicleCheck
-from seatrial.flight.reactions import GROUPS
+from seatrial.flight.findings import GROUPS
 from seatrial.report.results.check_findings import duration, sentence, water, waypoints
 from seatrial.report.results.margins import SENSITIVITY_NOTE
 from seatrial.vehicle.steady_state import Speed

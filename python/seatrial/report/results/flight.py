@@ -14,10 +14,9 @@ import numpy as np
 
 from seatrial.base.finding import Finding, Severity
 from seatrial.base.report import Report, Section, as_sentence
-from seatrial.flight.findings import beyond_the_model, clearance, saturated_loops
+from seatrial.flight.findings import ascent, beyond_the_model, clearance, saturated_loops
 from seatrial.flight.flight import Flight
 from seatrial.flight.metrics import Leg, differs, true_vertical
-from seatrial.flight.reactions import ascent
 from seatrial.report.results import watches
 from seatrial.report.results.flight_findings import (
     ANOTHER,

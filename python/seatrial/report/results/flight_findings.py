@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from seatrial.base.finding import Finding
 from seatrial.flight.excesses import Excess
-from seatrial.flight.reactions import reaction_key
+from seatrial.flight.findings import reaction_key
 from seatrial.report.results.watches import cause, source
 from seatrial.report.results.watches import remedy as remedy_of_watch
 

@@ -12,10 +12,9 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.report import Column, Section, Table
-from seatrial.flight.fly import Seeds
+from seatrial.flight.flight import Seeds
 from seatrial.flight.metrics import Leg, Loop, differs
-from seatrial.flight.payload import UNDER_WAY, Samples, Value
-from seatrial.flight.water import CHANNELS
+from seatrial.flight.payload import CHANNELS, UNDER_WAY, Samples, Value
 from seatrial.report.results.flight_findings import excess_clauses
 
 _METRICS = {

@@ -13,10 +13,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.report import Report, Section, Table, appended, listed
-from seatrial.control_design.corridor import CORRIDOR_SETTINGS, Corridor
+from seatrial.control_design.corridor import SETTINGS as CORRIDOR_SETTINGS
+from seatrial.control_design.corridor import Corridor
 from seatrial.report.results.margins import margin_table
-from seatrial.tuning.performance import PERFORMANCE_SETTINGS, Performance, StepPerformance
-from seatrial.tuning.result import Tuning, missed_limits, shown_below, without_table
+from seatrial.tuning.result import SETTINGS as PERFORMANCE_SETTINGS
+from seatrial.tuning.result import (
+    Performance,
+    StepPerformance,
+    Tuning,
+    missed_limits,
+    shown_below,
+    without_table,
+)
 from seatrial.tuning.scope import GAINS
 from seatrial.tuning.search import GUIDANCE_SEARCH
 from seatrial.vehicle.actuators import LOOPS
@@ -25,7 +33,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from seatrial._core import Autopilot
-    from seatrial.tuning.performance import StepPerformance
+    from seatrial.tuning.result import StepPerformance
 
 _NAMES = {"deg": "phase margin", "dB": "gain margin", "dB down": "gain margin", "s": "delay margin"}
 

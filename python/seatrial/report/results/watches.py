@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial._core import autopilot_names
-from seatrial.flight.reactions import GROUPS, group
+from seatrial.flight.findings import GROUPS, group
 from seatrial.flight.sensor_channels import CHANNELS_OF_GROUP, GROUP_OF_KIND
 
 if TYPE_CHECKING:

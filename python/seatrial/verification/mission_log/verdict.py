@@ -28,7 +28,7 @@ from seatrial.base.report import Reported, writer_of
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
 from seatrial.base.work import Clock
 from seatrial.flight.conditions import Conditions, Water
-from seatrial.flight.fly import fly_batch
+from seatrial.flight.flight import fly_batch
 from seatrial.flight.metrics import CODED, metrics_of
 from seatrial.verification.mission_log.log import SETTINGS, errors_of_guidance
 from seatrial.verification.mission_log.power import Power

@@ -1,6 +1,7 @@
-"""What fails in a flight: actuators that die or stick, groups of channels that go silent.
+"""What disturbs a flight: waves, actuators that die or stick, groups of channels that go silent.
 
-Tests: ``tests/flight/test_fly.py``, ``tests/cli/test_cli_fly.py``.
+The core makes the motion of the water from a sea state (``flight/waves.rs``). Tests:
+``tests/flight/test_waves.py``, ``tests/flight/test_fly.py``, ``tests/cli/test_cli_fly.py``.
 """
 
 from __future__ import annotations
@@ -11,13 +12,119 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from seatrial._core import autopilot_names
+from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError, nearest
-from seatrial.flight.checks import is_number
+from seatrial.flight.checks import is_number, within
 from seatrial.flight.sensor_channels import GROUP_OF_KIND
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
+
+
+CALM = (0.0, 8.0, 0.0, 0.0, 3.3)
+"""The core's row for no waves."""
+
+LIMITS: dict[str, tuple[float, float, str]] = {
+    "height_m": (0.0, 20.0, "m"),
+    "period_s": (1.0, 30.0, "s"),
+    "toward_deg": (-360.0, 360.0, "degrees"),
+    "spreading_deg": (0.0, 60.0, "degrees"),
+    "peakedness": (1.0, 7.0, "without unit, 1 (Pierson-Moskowitz) to 7"),
+}
+"""Least, most and unit of every number of a sea state."""
+
+
+@dataclass(frozen=True)
+class SeaState:
+    """Waves of a JONSWAP spectrum in deep water, by linear theory.
+
+    A vehicle meets their orbital velocity and acceleration at its place and depth; the phases go by the seed.
+
+    Attributes
+    ----------
+    height_m
+        Significant wave height, m: four standard deviations of the surface.
+    period_s
+        Peak period, s.
+    toward_deg
+        Where the waves go, degrees from north over east; as that of a current, not as that of a wind.
+    spreading_deg
+        Standard deviation of the directions of the components; 0: long-crested.
+    peakedness
+        The peak enhancement factor; 3.3 for a young sea, 1 for Pierson-Moskowitz's grown one.
+
+    Raises
+    ------
+    SimulationError
+        A number is none, or one that no sea has.
+
+    Examples
+    --------
+    >>> SeaState(0.5, 6.0, toward_deg=90.0)
+    SeaState(height_m=0.5, period_s=6.0, toward_deg=90.0, spreading_deg=0.0, peakedness=3.3)
+    """
+
+    height_m: float
+    period_s: float
+    toward_deg: float = 0.0
+    spreading_deg: float = 0.0
+    peakedness: float = 3.3
+
+    def __post_init__(self) -> None:
+        for name, (least, most, unit) in LIMITS.items():
+            within(f"waves: {name}", getattr(self, name), (least, most), unit)
+        shortest = float(steepest_period(self.height_m))
+        if self.period_s < shortest:
+            raise SimulationError(
+                f"waves: expected a significant height of at most a {1 / STEEPEST:.0f}th of the length of a"
+                f" wave of the peak period, {self.height_m * (self.period_s / shortest) ** 2:.2g} m at"
+                f" {self.period_s:g} s, found {self.height_m:g} m; steeper seas break"
+            )
+
+    @classmethod
+    def of_row(cls, row: ArrayLike) -> SeaState | None:
+        """Sea state of a row of the core; None for a calm one."""
+        height, period, toward, spreading, peakedness = np.asarray(row, float).tolist()
+        turned = math.degrees(toward), math.degrees(spreading)
+        return cls(height, period, *turned, peakedness) if height > 0.0 else None
+
+    @property
+    def row(self) -> tuple[float, float, float, float, float]:
+        """The same in SI and rad, as the core takes it."""
+        toward, spreading = math.radians(self.toward_deg), math.radians(self.spreading_deg)
+        return self.height_m, self.period_s, toward, spreading, self.peakedness
+
+
+STEEPEST = 1.0 / 15.0
+"""Steepest sea, height over wave length: DNV-RP-C205 (2010), section 3.5.4, at peak periods up to 8 s."""
+
+
+def steepest_period(height_m: Any) -> Any:
+    """Shortest peak period, s, of a sea of this significant height, m, that does not break, in deep water."""
+    return np.sqrt(2.0 * math.pi * np.asarray(height_m) / (9.81 * STEEPEST))
+
+
+def checked_seas(given: Any) -> tuple[tuple[SeaState | None, ...], bool]:
+    """Sea states, one for all cases or one each, and whether they differ from case to case."""
+    if given is None or isinstance(given, SeaState):
+        return (given,), False
+    seas = tuple(given) if isinstance(given, Sequence) and not isinstance(given, str) else ("",)
+    for sea in seas:
+        if not (sea is None or isinstance(sea, SeaState)):
+            raise SimulationError(
+                f"waves: expected st.SeaState(height_m, period_s, toward_deg=...), found {given!r}"
+            )
+    return seas, True
+
+
+def sea_rows(seas: Sequence[SeaState | None]) -> Array:
+    """The sea states (k, 5) as the core takes them."""
+    return np.array([CALM if sea is None else sea.row for sea in seas])
+
 
 _FAULT = re.compile(r"(?P<actuator>[^@=]+)@(?P<time>[^=]+)(?:=(?P<value>.+))?")
 
@@ -52,16 +159,8 @@ class Fault:
 
     @classmethod
     def parse(cls, text: str) -> Fault:
-        """Fault from ``ACTUATOR@TIME``, with ``=stuck`` or ``=VALUE`` behind it.
-
-        Parameters
-        ----------
-        text : str
-
-        Raises
-        ------
-        SimulationError
-            It is not of this form.
+        """Fault from a `text` ``ACTUATOR@TIME``, with ``=stuck`` or ``=VALUE`` behind it; a SimulationError
+        where it is not of this form.
 
         Examples
         --------
@@ -113,16 +212,8 @@ class Outage:
 
     @classmethod
     def parse(cls, text: str) -> Outage:
-        """Outage from ``GROUP@FROM-UNTIL`` or ``GROUP@FROM``.
-
-        Parameters
-        ----------
-        text : str
-
-        Raises
-        ------
-        SimulationError
-            It is not of this form.
+        """Outage from a `text` ``GROUP@FROM-UNTIL`` or ``GROUP@FROM``; a SimulationError where it is not of
+        this form.
 
         Examples
         --------
@@ -161,11 +252,7 @@ def _shown(time_s: float) -> str:
 def fault_rows(
     faults: Sequence[Fault], vehicle: Vehicle, max_time_s: float, *, case: int = 0
 ) -> list[tuple[int, str, float, float]]:
-    """Rows (case, actuator, time in s, command or nan) of a case, as the core takes them.
-
-    Raises SimulationError where the vehicle has no such actuator, or the fault is outside of the flight or of
-    the actuator's range.
-    """
+    """Rows (case, actuator, time in s, command or nan) of a case, as the core takes them."""
     facts = vehicle.actuator_info()
     rows: list[tuple[int, str, float, float]] = []
     for fault in faults:
@@ -206,11 +293,7 @@ def _command(fault: Fault, facts: dict[str, Any]) -> float:
 
 
 def outage_rows(outages: Sequence[Outage], max_time_s: float) -> list[tuple[int, float, float]]:
-    """Rows (group, from, until in s) as the core takes them.
-
-    Raises SimulationError where there is no such group or kind of sensor, or the times are not in order or
-    beyond the flight.
-    """
+    """Rows (group, from, until in s) as the core takes them."""
     groups = autopilot_names()["groups"]
     rows = []
     for outage in outages:
