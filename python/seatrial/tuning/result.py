@@ -50,8 +50,8 @@ class Tuning(RunResult):
     and of the tuned ones ("tuned") on samples that the search never saw; `quiet` those of the tuned ones with
     perfect sensors where a response leaves its corridor. `reverted`: groups that have their start gains
     again, because everything together is better with them. Of an `interrupted` tuning (Ctrl-C) nothing is
-    assessed; `kept` is the autopilot file with its best gains. `facts`: what the result rests on, see
-    `seatrial.base.run.run_facts`.
+    assessed; `kept` is the autopilot file with its best gains. `elapsed_s`: wall time; `facts`: what the
+    result rests on, see `seatrial.base.run.run_facts`.
     """
 
     plan: ControlProblem

@@ -422,7 +422,8 @@ def tune(
     loops, name, seed
         Beside a vehicle: as of `ControlProblem`.
     settings : mapping, optional
-        Beside a vehicle: its other keys, for example samples, sensors, margins, budget.
+        Beside a vehicle: its other keys, for example samples, sensors, margins, budget; they may stand among
+        the arguments as ``others``, too.
     work : Work, optional
         Threads, executor, run directory and progress. Finished groups are kept in the run directory; an
         executor flies the candidates of the searches.

@@ -55,7 +55,7 @@ class Draws:
     `numbers`: of the cases in the campaign: with them each can be drawn again alone. `mission`: index of the
     mission that each flies, (k,). `coefficients`: of the vehicle that flies, by name, (k,) each. `current`,
     `turbulence`: mean velocity of the water, and standard deviation about it, (k, 3), m/s. `waves`: sea
-    states (k, 5), rows of `seatrial.SeaState`. `position`, `attitude`, `nu`: start: place (k, 3), roll, pitch,
+    states (k, 5), rows of `SeaState.row`. `position`, `attitude`, `nu`: start: place (k, 3), roll, pitch,
     yaw (k, 3), velocities over ground in the body frame (k, 6). `faults`: rows (case, actuator, time in s,
     command or nan) with the case's place among these. `outages`: rows (case, group, from, until in s).
     `seeds`: of the sensors' noise and of the water's motion, (k,). `causes`: what was drawn, by readable
