@@ -18,6 +18,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
+from itertools import repeat
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -84,8 +85,7 @@ class Samples(NamedTuple):
     fields: dict[str, Array]
 
 
-@dataclass(frozen=True)
-class Field:
+class Field(NamedTuple):
     """What one field of a topic holds."""
 
     name: str  #: Within its topic; ``topic.field`` in a column map.
@@ -344,7 +344,7 @@ class Gathered:
     def add(self, topic: str, t: float, values: Mapping[str, float]) -> Chunk | None:
         """Take in a message; a chunk when enough are there."""
         rows = self.rows[topic]
-        rows.append([t, *(values.get(name, math.nan) for name in self.wanted[topic])])
+        rows.append([t, *map(values.get, self.wanted[topic], repeat(math.nan))])
         return self._take(topic) if len(rows) >= READING_SETTINGS.chunk_rows else None
 
     def rest(self) -> Iterator[Chunk]:

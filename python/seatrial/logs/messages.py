@@ -12,9 +12,10 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import lru_cache
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -113,8 +114,7 @@ class Bag(Log):
             values = self._decoded(message)
             if values:
                 known = self._names.setdefault(message.topic, {})
-                for name in values:
-                    known.setdefault(name, "")
+                known.update(dict.fromkeys(values, ""))
                 stamp = _own_stamp(values)
                 if stamp is not None and abs(message.received - stamp) < NEAR_S:
                     delays.setdefault(message.topic, []).append(message.received - stamp)
@@ -158,33 +158,51 @@ class Bag(Log):
 
     def _decoded(self, message: Message) -> dict[str, float] | None:
         try:
-            return dict(_flat("", message.decode(), 0))
+            numbers: dict[str, float] = {}
+            _flatten("", {"": message.decode()}, -1, numbers)  # without a name: it may be a bare number
+            return numbers
         except Exception as error:  # a damaged message may raise anything in the decoder
             self.note("not decoded", message.topic, error=type(error).__name__)
             return None
 
 
-def _flat(path: str, value: Any, depth: int) -> Iterator[tuple[str, float]]:
-    """Numbers of a message by their path."""
-    plain = number(value)
-    if plain is not None:
-        yield path, plain
-    elif isinstance(value, np.ndarray):
+_WHOLE = 2**53  # whole numbers below it are floats, too
+
+
+def _flatten(path: str, value: Any, depth: int, numbers: dict[str, float]) -> None:
+    """Put the numbers of a message into `numbers` by their path."""
+    if isinstance(value, np.ndarray):
         if value.dtype.kind in "biuf" and value.size <= READING_SETTINGS.longest_array:
             for k, cell in enumerate(value.ravel().tolist()):
-                yield f"{path}[{k}]", float(cell)
-    elif isinstance(value, list | tuple):
-        if len(value) <= READING_SETTINGS.longest_array and depth < SETTINGS.deepest:
-            for k, cell in enumerate(value):
-                yield from _flat(f"{path}[{k}]", cell, depth + 1)
+                numbers[f"{path}[{k}]"] = float(cell)
+        return
+    members: Iterable[tuple[str, Any]] = ()
+    if depth >= SETTINGS.deepest:
+        pass
     elif isinstance(value, Mapping):
-        if depth < SETTINGS.deepest:
-            for name, cell in value.items():
-                yield from _flat(f"{path}.{name}" if path else str(name), cell, depth + 1)
-    elif hasattr(value, "__dataclass_fields__") and depth < SETTINGS.deepest:
-        for name in value.__dataclass_fields__:
-            if not name.startswith("__"):
-                yield from _flat(f"{path}.{name}" if path else name, getattr(value, name), depth + 1)
+        members = ((f"{path}.{name}", cell) for name, cell in value.items()) if path else value.items()
+    elif isinstance(value, list | tuple):
+        if len(value) <= READING_SETTINGS.longest_array:
+            members = ((f"{path}[{k}]", cell) for k, cell in enumerate(value))
+    elif hasattr(value, "__dataclass_fields__"):
+        members = ((inner, getattr(value, name)) for name, inner in _members(type(value), path))
+    for inner, cell in members:
+        # Nearly every member is a number: these calls decide how long a log takes.
+        if type(cell) is float:
+            numbers[inner] = cell
+        elif type(cell) is int and -_WHOLE < cell < _WHOLE:
+            numbers[inner] = float(cell)
+        elif (plain := number(cell)) is not None:
+            numbers[inner] = plain
+        elif cell is not None and type(cell) is not str:
+            _flatten(inner, cell, depth + 1, numbers)
+
+
+@lru_cache(maxsize=4096)
+def _members(message: type, path: str) -> tuple[tuple[str, str], ...]:
+    """Name and path of each field of a message type, shared by the topics of that type."""
+    names = (name for name in message.__dataclass_fields__ if not name.startswith("__"))  # type: ignore[attr-defined]
+    return tuple((name, f"{path}.{name}" if path else name) for name in names)
 
 
 def _own_stamp(values: Mapping[str, float]) -> float | None:

@@ -17,6 +17,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 from seatrial.logs.log import Field, Topic
 from seatrial.logs.names import (
@@ -243,13 +244,12 @@ def _documented(format: str, topics: Sequence[Topic]) -> Iterator[Proposal]:
     rules = _DOCUMENTED.get(_SAME.get(format, format), ())
     for rank, rule in enumerate(rules):
         for topic in topics:
-            fields = {field.name: field for field in topic.fields}
-            if (
-                not re.fullmatch(rule.topic, topic.name, re.IGNORECASE)
-                or topic.samples < RECOGNITION_SETTINGS.fewest
+            if topic.samples < RECOGNITION_SETTINGS.fewest or not re.fullmatch(
+                rule.topic, topic.name, re.IGNORECASE
             ):
                 continue
-            if not set(rule.fields.values()) <= set(fields):
+            fields = {field.name: field for field in topic.fields if field.name in rule.fields.values()}
+            if len(fields) < len(rule.fields):
                 continue
             dead = all(_constant(fields[name]) for name in rule.fields.values())
             for canonical, name in rule.fields.items():
@@ -405,7 +405,7 @@ def _by_name(topics: Sequence[Topic]) -> Iterator[Proposal]:
     """Proposals from names, for logs whose format says nothing about its fields."""
     for topic in topics:
         matched = list(_matched(topic))
-        earth = _ros_earth({field.name.lower() for field in topic.fields})
+        earth = _ros_earth(topic.fields)
         angles = [
             field
             for quantity, field, _ in matched
@@ -442,16 +442,22 @@ _CONVERTED = {
 def _matched(topic: Topic) -> Iterator[tuple[str, Field, int]]:
     """Quantity, field and rank of each field whose name is known and that holds numbers."""
     before = [] if topic.of_file else words_of(re.sub(r" \(\d+ rows\)$", "", topic.name))
+    paths = [_path(field.name) for field in topic.fields]
     beside: dict[tuple[str, ...], set[str]] = {}
-    for field in topic.fields:
-        words = words_of(suffix_of(field.name)[0]) or [""]
-        beside.setdefault(tuple(words[:-1]), set()).add(words[-1])
-    for field in topic.fields:
+    for first, last in paths:
+        beside.setdefault(first, set()).add(last)
+    for field, (first, _) in zip(topic.fields, paths, strict=True):
         if field.samples >= RECOGNITION_SETTINGS.fewest:
-            first = tuple(words_of(suffix_of(field.name)[0])[:-1])
-            known = _known(before, field, beside.get(first, set()))
+            known = _known(before, field, beside[first])
             if known is not None:
                 yield known[0], field, known[1]
+
+
+@lru_cache(maxsize=65_536)  # the topics of a log share the names of their fields
+def _path(name: str) -> tuple[tuple[str, ...], str]:
+    """Words of a field's name before the last one, and that one."""
+    *first, last = words_of(suffix_of(name)[0]) or [""]
+    return tuple(first), last
 
 
 def named_but_empty(topics: Sequence[Topic]) -> Iterator[tuple[str, Topic, Field]]:
@@ -489,12 +495,13 @@ def _known(before: Sequence[str], field: Field, beside: set[str]) -> tuple[str, 
     return None
 
 
-def _ros_earth(names: set[str]) -> str:
+def _ros_earth(fields: Sequence[Field]) -> str:
     """Earth frame of fields that are called as ROS calls them, with axes of REP 103; "" for other fields."""
-    if any(re.search(r"header[./_](stamp|seq|frame_id)|^%time$", name) for name in names):
+    names = "\n".join(field.name.lower() for field in fields)
+    if re.search(r"(?m)header[./_](stamp|seq|frame_id)|^%time$", names):
         return "ENU"
-    attitude = any(re.search(r"orientation[._/]w$", name) for name in names)
-    moving = any(re.search(r"(^|[._/])(linear|angular)", name) for name in names)
+    attitude = re.search(r"(?m)orientation[._/]w$", names)
+    moving = re.search(r"(?m)(^|[._/])(linear|angular)", names)
     return "NWU" if attitude and moving else ""
 
 
