@@ -52,8 +52,8 @@ if TYPE_CHECKING:
     from seatrial.identification.identify import identify as identify
     from seatrial.identification.leave_one_out import LeaveOneOut as LeaveOneOut
     from seatrial.identification.leave_one_out import leave_one_out as leave_one_out
-    from seatrial.intake.import_logs import import_logs as import_logs
     from seatrial.intake.imported import Imported as Imported
+    from seatrial.intake.imported import import_logs as import_logs
     from seatrial.problem.problem import Problem as Problem
     from seatrial.problem.settings import Anchor as Anchor
     from seatrial.problem.settings import JointSettings as JointSettings
@@ -146,7 +146,7 @@ _HOME = {
     "fly": "seatrial.flight.flight",
     "fly_batch": "seatrial.flight.flight",
     "identify": "seatrial.identification.identify",
-    "import_logs": "seatrial.intake.import_logs",
+    "import_logs": "seatrial.intake.imported",
     "leave_one_out": "seatrial.identification.leave_one_out",
     "plan": "seatrial.experiment.plan",
     "score": "seatrial.scoring.score",

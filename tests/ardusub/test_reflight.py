@@ -13,7 +13,7 @@ from seatrial import TrialError
 from seatrial.ardusub.course import Cases, Course, Rig, fly_course, logged_courses
 from seatrial.ardusub.reflight import refly
 from seatrial.base.arrays import Array
-from seatrial.logs.formats import open_log
+from seatrial.logs.log import open_log
 from tests.ardusub import flown_log
 
 pytest.importorskip("pymavlink")

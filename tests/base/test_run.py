@@ -32,7 +32,7 @@ from seatrial.base.run import (
 from seatrial.base.work import Clock
 from seatrial.cli import app
 from seatrial.export import c_code
-from seatrial.intake.import_logs import import_logs
+from seatrial.intake.imported import import_logs
 
 KEYS = [
     "kind", "name", "options", "seed", "started_utc", "finished_utc", "wall_s", "interrupted", "versions",

@@ -19,7 +19,7 @@ import seatrial as st
 from seatrial._core import Helm
 from seatrial.base.arrays import Array
 from seatrial.base.frames import to_euler
-from seatrial.logs.formats import open_log
+from seatrial.logs.log import open_log
 
 DATA = Path(os.environ.get("SEATRIAL_DATA", "/nonexistent"))
 BELUGA, BLUEROV = DATA / "beluga", DATA / "bluerov2_heavy" / "00000029_filtered.BIN"

@@ -15,8 +15,7 @@ import pytest
 
 import seatrial as st
 from seatrial.base.errors import SimulationError
-from seatrial.export.fmu import ran
-from seatrial.export.fmu_files import base_units
+from seatrial.export.fmu import base_units, ran
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
 needs_compiler = pytest.mark.skipif(

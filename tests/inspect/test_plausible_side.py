@@ -10,7 +10,7 @@ import pytest
 
 from seatrial.base.arrays import Array
 from seatrial.inspect.consistency import consistency
-from seatrial.intake.import_logs import import_logs
+from seatrial.intake.imported import import_logs
 from seatrial.trial.signals import Series
 from seatrial.trial.trial import Trial
 from tests.inspect.logs import log

@@ -15,7 +15,7 @@ from seatrial.base.report import words_of
 from seatrial.check.campaign import check_campaign
 from seatrial.identification.preparation import prepare
 from seatrial.inspect.wiring import wiring
-from seatrial.intake.import_logs import import_logs
+from seatrial.intake.imported import import_logs
 from seatrial.report.results.trial_findings import remedy
 from seatrial.trial.trial import Trial
 

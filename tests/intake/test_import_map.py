@@ -14,7 +14,7 @@ import seatrial as st
 from seatrial.base.finding import Finding, Severity
 from seatrial.base.frames import LocalFrame
 from seatrial.inspect.corrections import Correction
-from seatrial.intake.map_file import MapClock, MapFile, MapTrial, load_map, parse_map
+from seatrial.intake.recordings import MapClock, MapFile, MapTrial, load_map, parse_map
 from tests.docs.pages import ROOT
 
 

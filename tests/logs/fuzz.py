@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from seatrial.base.errors import SeatrialError
-from seatrial.logs.formats import open_log
+from seatrial.logs.log import open_log
 
 _PIECES = (b"nan,", b"1e999", b"\xff\xff\xff\x7f", b"-1  ", b"\n\n\n\n", b'",",', b"\0\0\0\0", b"9" * 40)
 _LARGE = 400_000

@@ -11,11 +11,10 @@ import pytest
 
 from seatrial.base.budget import Budget
 from seatrial.base.errors import TrialError
-from seatrial.intake.import_logs import import_logs
-from seatrial.logs import delimited, messages
-from seatrial.logs.formats import open_log
-from seatrial.logs.log import Log
-from seatrial.logs.messages import unpacked_chunk
+from seatrial.intake.imported import import_logs
+from seatrial.logs import bags, delimited
+from seatrial.logs.bags import unpacked_chunk
+from seatrial.logs.log import Log, open_log
 from seatrial.trial.trial import Trial
 from tests.logs import bombs
 
@@ -36,7 +35,7 @@ def test_a_chunk_unpacks_to_what_it_holds_and_to_no_more_than_any_log(
     packing: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert unpacked_chunk(packing, bombs._packed(packing, b"abc" * 100_000)) == b"abc" * 100_000
-    monkeypatch.setattr(messages, "Budget", partial(Budget, unpacked_mb=0.1, unpacked_ratio=10.0))
+    monkeypatch.setattr(bags, "Budget", partial(Budget, unpacked_mb=0.1, unpacked_ratio=10.0))
     with pytest.raises(ValueError, match="unpacks to more than"):
         unpacked_chunk(packing, bombs._packed(packing, bytes(2_000_000)))
 
@@ -68,7 +67,7 @@ def test_the_time_that_opening_takes_is_not_granted_again(
     """A log of 60 kB that was looked through for 6 s when it was opened took 7 s more to survey."""
     path = tmp_path / "nav.csv"
     path.write_text("time,u\n" + "1.0,2.0\n" * 9)
-    opened = delimited.open_log
+    opened = delimited.open_table
 
     def slowly(path: Path) -> Log:
         end_s = time.thread_time() + 0.2
@@ -76,5 +75,5 @@ def test_the_time_that_opening_takes_is_not_granted_again(
             pass
         return opened(path)
 
-    monkeypatch.setattr(delimited, "open_log", slowly)
+    monkeypatch.setattr(delimited, "open_table", slowly)
     assert 2.0 < open_log(path).budget.cpu_s <= Budget().cpu_s - 0.2

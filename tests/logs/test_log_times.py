@@ -13,7 +13,7 @@ import pytest
 
 import seatrial as st
 from seatrial.base.errors import TrialError
-from seatrial.logs.formats import open_log
+from seatrial.logs.log import open_log
 
 T = np.arange(0.0, 40.0, 0.1)
 UNIX_S = 1_700_000_000

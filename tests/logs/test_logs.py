@@ -11,8 +11,8 @@ import polars as pl
 import pytest
 
 from seatrial.base.errors import TrialError
-from seatrial.logs.formats import FORMATS, format_of, open_log
 from seatrial.logs.join import Wanted, join
+from seatrial.logs.log import FORMATS, format_of, open_log
 from tests.logs import log_files
 from tests.logs.fuzz import mutated, survives
 from tests.logs.log_files import UNIX_S, T, U

@@ -13,7 +13,7 @@ import seatrial as st
 from seatrial.base.errors import TrialError
 from seatrial.base.frames import from_euler, matrix
 from seatrial.intake.survey import chosen, survey
-from seatrial.logs.layout import layout_of
+from seatrial.logs.delimited import layout_of
 from seatrial.logs.log import Field, Topic
 from seatrial.logs.recognise import propose
 

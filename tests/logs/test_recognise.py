@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from seatrial.logs.formats import open_log
-from seatrial.logs.log import Field, Topic
+from seatrial.logs.log import Field, Topic, open_log
 from seatrial.logs.recognise import propose
 
 

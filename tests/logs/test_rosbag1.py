@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from seatrial.base.errors import TrialError
-from seatrial.logs.formats import open_log
+from seatrial.logs.log import open_log
 from tests.logs import log_files
 
 pytest.importorskip("rosbags")

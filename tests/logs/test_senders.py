@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from seatrial.logs.clock import Counter32
-from seatrial.logs.formats import open_log
-from seatrial.logs.log import Samples
+from seatrial.logs.log import Samples, open_log
 from seatrial.logs.mavlink import SenderClocks
 
 UNIX_S = 1.7e9

@@ -20,10 +20,10 @@ import numpy as np
 import pytest
 
 from seatrial.base.errors import SeatrialError, TrialError
-from seatrial.intake.import_logs import import_logs
+from seatrial.intake.imported import import_logs
 from seatrial.intake.survey import survey
 from seatrial.logs import mavlink
-from seatrial.logs.formats import open_log, unpacked
+from seatrial.logs.log import open_log, unpacked
 from tests.logs import log_files
 from tests.logs.fuzz import mutated, peak_mib
 from tests.logs.strangers import WRITERS, written

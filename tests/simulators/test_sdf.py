@@ -18,7 +18,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import VehicleError
 from seatrial.base.frames import from_euler, matrix
 from seatrial.simulators import export_model, import_model
-from seatrial.simulators.sdf import parse, read_bytes
+from seatrial.simulators.convert import parse, read_bytes
 from tests.simulators.test_convert import FULL
 
 FLIP = np.diag([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])

@@ -12,7 +12,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.frames import attitude_to_ned, conjugate, from_euler, product, to_euler
 from seatrial.inspect.consistency import consistency, convention_of
 from seatrial.inspect.corrections import Consistency
-from seatrial.intake.import_logs import import_logs
+from seatrial.intake.imported import import_logs
 from seatrial.trial.signals import Series
 from seatrial.trial.trial import Trial
 from tests.inspect.logs import log

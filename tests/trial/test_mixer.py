@@ -11,7 +11,7 @@ import pytest
 
 import seatrial as st
 from seatrial.base.errors import TrialError
-from seatrial.logs.formats import open_log
+from seatrial.logs.log import open_log
 from seatrial.trial.columns import FRAMES, Mixer, Output, Stick
 
 T = np.arange(0.0, 10.0, 0.1)

@@ -12,7 +12,7 @@ import pytest
 
 from seatrial.base.channels import CHANNELS
 from seatrial.base.errors import TrialError
-from seatrial.logs.formats import open_log
+from seatrial.logs.log import open_log
 from seatrial.scoring.windows import Predictions
 from seatrial.trial.trial import Trial
 from seatrial.verification.mission_log.log import MissionLog

@@ -46,7 +46,7 @@ from seatrial.ardusub.tuning import (
 from seatrial.base.errors import TrialError
 from seatrial.base.run import RunDirectory, RunResult, run_facts, sha256, to_json
 from seatrial.base.work import HERE, Clock, Progress, Work, takes, tell, within
-from seatrial.logs.formats import open_log
+from seatrial.logs.log import open_log
 
 if TYPE_CHECKING:
     from seatrial.identification.fitted import Fitted
@@ -334,7 +334,7 @@ def _identified(
     """The vehicle identified from the log, in folders beside the run's."""
     from seatrial.campaign.campaign import Campaign
     from seatrial.identification.fitted import Fitted
-    from seatrial.intake.import_logs import import_logs
+    from seatrial.intake.imported import import_logs
 
     project, identified = _beside(folder)
     imports, identifies = within(work, 0.02, 0.1), within(work, 0.1, 0.3)

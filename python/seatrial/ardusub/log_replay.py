@@ -28,7 +28,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
 from seatrial.base.run import run_facts, sha256
 from seatrial.base.work import Clock
-from seatrial.logs.formats import open_log
+from seatrial.logs.log import open_log
 
 
 def replay(log: str | Path, *, parameters: ParameterFile | None = None) -> Replay:

@@ -47,7 +47,7 @@ class Budget:
     #: libraries that are loaded meanwhile one or two seconds.
     cpu_s: float = 8.0
     #: More of it per MB of the file, s. Tables of text and arrays take 0.02 to 0.1 s; formats whose messages
-    #: Python decodes one by one state more in their row of `seatrial.logs.formats.FORMATS`.
+    #: Python decodes one by one state more in their row of `seatrial.logs.log.FORMATS`.
     cpu_s_per_mb: float = 0.2
     #: Growth of the process, MB, whatever the size: libraries 150 MB, a block of text and its table 200 MB.
     memory_mb: float = 600.0

@@ -243,7 +243,7 @@ def import_(
         _model(logs[0], out, force=force, output=output)
         return
     from seatrial.cli.console import long_work
-    from seatrial.intake.import_logs import import_logs
+    from seatrial.intake.imported import import_logs
     from seatrial.intake.survey import survey
 
     with long_work("survey", quiet=output.json) as show:

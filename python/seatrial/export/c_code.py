@@ -23,6 +23,7 @@ from seatrial.base.run import version
 from seatrial.base.toml_file import loaded
 from seatrial.export.repeated import folded
 from seatrial.flight.checks import checked_step, checked_supply
+from seatrial.flight.conditions import PLAIN, Conditions
 from seatrial.flight.mission import Mission, Route
 from seatrial.flight.navigation import NavigationFilter, checked_navigation, filter_of
 from seatrial.flight.sensor_channels import sensors_of
@@ -73,21 +74,11 @@ class Programs:
 
 @dataclass(frozen=True, repr=False)
 class CExport(Reported):
-    """Files that were written, and the programs in them.
+    """Files that were written, and the programs in them."""
 
-    Attributes
-    ----------
-    programs
-        The programs.
-    folder
-        Where they are.
-    files
-        Headers and sources.
-    """
-
-    programs: Programs
-    folder: Path
-    files: list[Path] = field(default_factory=list)
+    programs: Programs  #: The programs.
+    folder: Path  #: Where they are.
+    files: list[Path] = field(default_factory=list)  #: Headers and sources.
 
     def to_dict(self) -> dict[str, Any]:
         """Files, operations and the numbers of the interfaces as plain data."""
@@ -170,20 +161,15 @@ def export_c(
     VehicleError
         A file cannot be read, or the autopilot does not fit the vehicle.
     """
-    programs = recorded(
-        vehicle,
-        autopilot,
-        mission=mission,
+    conditions = Conditions(
+        sensors=sensors,
+        navigation=navigation,
         model=model,
-        name=name,
         feedback=feedback,
         voltage_v=voltage_v,
         max_step_s=max_step_s,
-        rho=rho,
-        g=g,
-        navigation=navigation,
-        sensors=sensors,
     )
+    programs = recorded(vehicle, autopilot, mission, conditions, name=name, rho=rho, g=g)
     # A unit is at home on a large machine and is not folded: the same numbers, sooner.
     programs = replace(
         programs,
@@ -202,21 +188,17 @@ def export_c(
 def recorded(
     vehicle: Fitted | Vehicle | str | Path,
     autopilot: Autopilot | str | Path | None = None,
-    *,
     mission: Mission | str | Path | None = None,
-    model: Vehicle | str | Path | None = None,
+    conditions: Conditions = PLAIN,
+    *,
     name: str | None = None,
-    feedback: bool = True,
-    voltage_v: float | None = None,
-    max_step_s: float = 0.02,
     rho: float | None = None,
     g: float | None = None,
-    navigation: str | NavigationFilter = "sensors",
-    sensors: Mapping[str, Sensor] | str | Path | None = None,
 ) -> Programs:
     """The programs of `export_c`, which says what its arguments are, not written yet."""
     from seatrial.identification.fitted import Fitted
 
+    voltage_v, max_step_s = conditions.voltage_v, conditions.max_step_s
     fitted = Fitted.of(vehicle)
     flown = fitted.vehicle
     if (autopilot is None) != (mission is None):
@@ -250,17 +232,18 @@ def recorded(
         step_s,
     )
     steering = None
-    believed = flown if model is None else loaded(Vehicle, model, "model")
+    believed = flown if conditions.model is None else loaded(Vehicle, conditions.model, "model")
     if pilot is not None and plan is not None:
         about = [
             f"Autopilot of {commented(believed.name)} on the mission {commented(plan.name)}: one step of"
             f" {pilot.period_s:g} s.",
             *_origin(),
         ]
+        prefix = f"{stem}_autopilot"
         facts = autopilot_c(
-            pilot, believed, plan.core, f"{stem}_autopilot", about, feedback=feedback, voltage_v=supply
+            pilot, believed, plan.core, prefix, about, feedback=conditions.feedback, voltage_v=supply
         )
-        steering = _program(f"{stem}_autopilot", facts, pilot.period_s)
+        steering = _program(prefix, facts, pilot.period_s)
     # The filter takes the inputs that the autopilot's program has.
     seen = recorded_filter(
         f"{stem}_filter",
@@ -268,10 +251,9 @@ def recorded(
         autopilot=None if steering is None else (steering.prefix, [row["name"] for row in steering.inputs]),
         period_s=None if pilot is None else pilot.period_s,
         mission=plan,
-        navigation=navigation,
-        sensors=sensors,
+        navigation=conditions.navigation,
+        sensors=conditions.sensors,
         voltage_v=supply,
-        origin=_origin(),
     )
     knowing = None if seen is None else _program(f"{stem}_filter", *seen)
     return Programs(program, steering, fitted, substeps, knowing)
@@ -388,15 +370,13 @@ def recorded_filter(
     navigation: str | NavigationFilter,
     sensors: Mapping[str, Sensor] | str | Path | None,
     voltage_v: float,
-    origin: Sequence[str],
 ) -> tuple[dict[str, Any], float] | None:
     """Program of a navigation filter and its period, s; None where none is asked for.
 
     It believes in `model` unless it was made by hand. `autopilot` and `period_s` are prefix and inputs of the
     program of the autopilot that takes the estimate, and its period, s; its mission's landmarks and start are
     known. `navigation` and `sensors` are as of `export_c`; the supply is not a number where it does not
-    matter; `origin` are lines for the head of the files. Raises SimulationError where the filter cannot be
-    exported, or sensors are named for none.
+    matter. Raises SimulationError where the filter cannot be exported, or sensors are named for none.
     """
     asked = checked_navigation(navigation)
     if sensors is not None and asked != "filter":
@@ -420,7 +400,10 @@ def recorded_filter(
     start: dict[str, Any] = {}
     if mission is not None and not isinstance(asked, NavigationFilter):
         start["start"] = Route.of(mission).start
-    about = [f"Navigation filter of {commented(filter.vehicle.name)}: one period of {period_s:g} s.", *origin]
+    about = [
+        f"Navigation filter of {commented(filter.vehicle.name)}: one period of {period_s:g} s.",
+        *_origin(),
+    ]
     facts = filter_c(
         filter.core, prefix, about, period_s=period_s, autopilot=autopilot, voltage_v=voltage_v, **start
     )

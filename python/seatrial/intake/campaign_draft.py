@@ -1,4 +1,4 @@
-"""The campaign file that an import drafts: trials, hold-outs, and a stage per axis that the data can tell.
+"""The files that an import drafts: the map, and the campaign with a stage per axis that the data can tell.
 
 An axis is freed where an actuator drives it and the trials show its velocity. Mass and thrust stay as the
 vehicle file has them: recordings of motion fix only their ratio. Where fins turn a slender vehicle their
@@ -24,13 +24,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from seatrial.base.channels import AXES, CHANNELS, MOTIONS, VELOCITIES
+from seatrial.base.errors import printable
 from seatrial.inspect.consistency import common, mean
 from seatrial.inspect.feedback import runs_away
+from seatrial.intake.recordings import Column
 from seatrial.vehicle.actuators import actuator_groups, drivers
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.inspect.corrections import Correction, SlowCurrent
+    from seatrial.intake.recordings import Recording
+    from seatrial.intake.survey import SurveyedLog
     from seatrial.trial.trial import Trial
 
 
@@ -483,3 +487,74 @@ def _rounded(x: float) -> float:
         return 0.0
     step = 10.0 ** (math.floor(math.log10(x)) - 1)
     return float(f"{math.ceil(x / step) * step:.3g}")
+
+
+def map_text(
+    folder: Path,
+    columns: Mapping[str, Column],
+    logs: Sequence[SurveyedLog],
+    spans: Sequence[tuple[Recording, tuple[float, float]]],
+    corrections: Sequence[Correction],
+) -> str:
+    """Text of the proposed map: every choice with its reason, every other candidate as a comment.
+
+    `spans`: first and last time of each recording, s; `corrections`: of all trials, for their clocks.
+    """
+    lines = draft("map", "head", folder=str(folder))
+    for canonical, column in columns.items():
+        if not canonical.startswith("cmd."):
+            lines.append(line(canonical, _entry(column)))
+            lines += _others(logs, canonical, column)
+    actuators = {name: column for name, column in columns.items() if name.startswith("cmd.")}
+    if actuators:
+        lines += draft("map", "actuators")
+        lines += [line(name.removeprefix("cmd."), _entry(column)) for name, column in actuators.items()]
+    lines += ["", *_clock_lines(corrections)]
+    for part, (start, stop) in spans:
+        files = [log.path.name for log in part.logs]
+        if all(name.isprintable() for name in files):
+            lines += [f"[trials.{json.dumps(part.name, ensure_ascii=False)}]", line("logs", files)]
+            lines += [f"# start_s = {start:.1f}", f"# stop_s = {stop:.1f}", ""]
+    return "\n".join(lines)
+
+
+def _entry(column: Column) -> dict[str, Any]:
+    given = column.entry(column.source)
+    given |= {"convert": column.convert} if column.convert else {}
+    why = printable(column.why, 120) + ("" if column.certain else " (a guess: check it)")
+    return given | ({"why": why} if column.why else {})
+
+
+def _others(logs: Sequence[SurveyedLog], canonical: str, column: Column) -> list[str]:
+    """Other fields that could be the column, as comments."""
+    comments = []
+    for log in logs:
+        for other in log.proposals:
+            if other.canonical != canonical or other.source == column.source.partition("/")[0]:
+                continue
+            if other.name == column.source or not other.source.isprintable():
+                continue
+            source = other.source + (f"/{other.per}" if other.per else "")
+            entry = Column(source, other.unit, other.frame, other.sign, other.convert)
+            comments.append(f"# or {line(canonical, _entry(entry))}")
+    return list(dict.fromkeys(comments))[:3]
+
+
+def _clock_lines(corrections: Sequence[Correction]) -> list[str]:
+    """Clocks that the consistency check proposes, as comments."""
+    proposed: dict[str, dict[str, float]] = {}
+    effects: dict[str, str] = {}
+    for correction in corrections:
+        file, _, key = correction.key.rpartition(".")
+        if correction.table == "clocks" and key not in proposed.setdefault(file, {}):
+            proposed[file][key] = correction.value
+            effects.setdefault(
+                file, f"{correction.of}: {correction.before:.3g} to {correction.after:.3g} rms"
+            )
+    if not proposed:
+        return []
+    lines = draft("map", "clocks")
+    for file, values in proposed.items():
+        entry = ", ".join(f"{key} = {value:.6g}" for key, value in values.items())
+        lines.append(f"# {json.dumps(file)} = {{ {entry} }} # {effects[file]}")
+    return [*lines, ""]

@@ -21,8 +21,7 @@ from seatrial.base.budget import Budget, guarded, size_of
 from seatrial.base.errors import TrialError, printable
 from seatrial.base.report import Reported
 from seatrial.base.work import callers_errors_pass
-from seatrial.logs.formats import FORMATS, open_log
-from seatrial.logs.log import Event, Field, Log, Note, Share, Topic
+from seatrial.logs.log import FORMATS, Event, Field, Log, Note, Share, Topic, open_log
 from seatrial.logs.recognise import RECOGNITION_SETTINGS, Proposal, named_but_empty, propose, unknown_unit
 
 _VERTICAL = re.compile(
@@ -147,7 +146,7 @@ class Unused(NamedTuple):
 class SurveyedLog:
     """One log: what its topics hold, what its fields may be, what it says besides."""
 
-    #: The file and its format (`seatrial.logs.formats`).
+    #: The file and its format (`seatrial.logs.log`).
     path: Path
     format: str
     topics: tuple[Topic, ...]  #: With samples; stamps in s of the log's own clock.

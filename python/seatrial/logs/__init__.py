@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 from seatrial.base.front import front
 
 if TYPE_CHECKING:
-    from seatrial.logs.formats import open_log as open_log
+    from seatrial.logs.log import open_log as open_log
     from seatrial.logs.recognise import propose as propose
 
 __all__ = ["open_log", "propose"]
 
 if not TYPE_CHECKING:  # a type checker would take any misspelt name for `object`
-    __getattr__ = front(__name__, {"open_log": "formats", "propose": "recognise"})
+    __getattr__ = front(__name__, {"open_log": "log", "propose": "recognise"})

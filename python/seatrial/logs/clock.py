@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from seatrial.base.arrays import Array, Mask, runs
-from seatrial.logs.log import Note
+from seatrial.base.errors import printable
+from seatrial.logs.log import Log, Note
 
 if TYPE_CHECKING:
     import polars as pl
@@ -416,6 +417,43 @@ def time_column(
         elif name in records or not records:
             why = why or unfit(name, numbers(head[name]), _texts(head[name]), first_row)
     return None, why
+
+
+class RowStamps:
+    """Stamps of the rows of a table, chunk by chunk, by its time column; the log keeps what they tell."""
+
+    def __init__(
+        self,
+        log: Log,
+        column: TimeColumn | None,
+        numbers: Callable[[pl.Series], Array],
+        dated: Callable[[pl.Series], tuple[Array, bool] | None],
+    ) -> None:
+        self._log, self._column, self._numbers, self._dated = log, column, numbers, dated
+        self._counter, self._last = Counter32(), np.nan
+        if column is not None and column.scale is not None:
+            if column.scale.how:
+                log.remark("scale of time", f'time "{printable(column.name)}"', how=column.scale.how)
+            if column.scale.unix:
+                log.epoch_s = 0.0
+
+    def of(self, rows: pl.DataFrame) -> Array:
+        """Stamps (n,) in s of the next rows, NaN where there is none."""
+        if self._column is None:
+            return np.full(rows.height, np.nan)
+        name, rest, scale = self._column
+        if scale is None:
+            if (dates := self._dated(rows[name])) is None:
+                return np.full(rows.height, np.nan)
+            if dates[1]:
+                self._log.epoch_s = 0.0
+                return dates[0]
+            t = after(dates[0], self._last)
+            self._last = float(np.nanmax(t))
+            return t
+        with np.errstate(invalid="ignore", over="ignore"):  # damaged numbers
+            t = (self._counter.of(self._numbers(rows[name])) - scale.origin) * scale.factor
+            return t if rest is None else np.asarray(t + 1e-9 * self._numbers(rows[rest]))
 
 
 def rises(values: Array) -> bool:

@@ -30,8 +30,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
 from seatrial.logs.clock import Counter32
-from seatrial.logs.formats import extra
-from seatrial.logs.log import READING_SETTINGS, Chunk, Event, Log, Note, Share
+from seatrial.logs.log import READING_SETTINGS, Chunk, Event, Gathered, Log, Note, Share, extra
 
 _CODES = {
     "b": "i1", "B": "u1", "M": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "q": "<i8", "Q": "<u8",
@@ -83,13 +82,7 @@ class _Type:
 
 
 def open_log(path: Path) -> Log:
-    """DataFlash log, binary or text.
-
-    Raises
-    ------
-    TrialError
-        If the file is no DataFlash log.
-    """
+    """DataFlash log, binary or text; TrialError if the file is no DataFlash log."""
     with path.open("rb") as stream:
         head = stream.read(4)
         if head == b"FMT,":
@@ -251,12 +244,9 @@ class _BinaryLog(Log):
 
     def _counts(self, kind: _Type) -> Array:
         name = next(name for name in ("TimeUS", "TimeMS") if name in (kind.layout.names or ()))
-        parts = range(0, len(kind.offsets), READING_SETTINGS.chunk_rows)
-        cells = [
-            self._rows(kind, begin, begin + READING_SETTINGS.chunk_rows)[name].astype(float)
-            for begin in parts
-        ]
-        return np.concatenate(cells)
+        step = READING_SETTINGS.chunk_rows
+        begins = range(0, len(kind.offsets), step)
+        return np.concatenate([self._rows(kind, k, k + step)[name].astype(float) for k in begins])
 
     @cached_property
     def _instances(self) -> dict[str, tuple[int, ...]]:
@@ -354,10 +344,8 @@ class _BinaryLog(Log):
         if messages is not None and "Message" in (messages.layout.names or ()):
             rows = self._rows(messages)
             texts = self._text(messages, rows, "Message")
-            events += [
-                Event(t, "message", s)
-                for t, s in zip(self._stamps(messages, rows).tolist(), texts, strict=True)
-            ]
+            stamps = self._stamps(messages, rows).tolist()
+            events += [Event(t, "message", text) for t, text in zip(stamps, texts, strict=True)]
         kind = self._types.get("MODE")
         if kind is not None and "Mode" in (kind.layout.names or ()):
             names = _modes(self.path, [event.text for event in events])
@@ -514,7 +502,7 @@ class _TextLog(Log):
 
     def chunks(self, wanted: Mapping[str, Sequence[str]], share: Share | None = None) -> Iterator[Chunk]:
         """Samples of the columns wanted."""
-        rows: dict[str, list[list[float]]] = {name: [] for name in wanted}
+        gathered = Gathered(wanted)
         counter = Counter32()  # lines are in the order of time
         size = max(self.path.stat().st_size, 1)
         done = 0
@@ -523,7 +511,7 @@ class _TextLog(Log):
                 done += len(raw)
                 cells = [cell.strip() for cell in raw.decode("utf-8", "replace").split(",")]
                 name = cells[0]
-                if name not in rows:
+                if name not in wanted:
                     continue
                 columns = self._columns[name][0]
                 values = dict(zip(columns, cells[1:], strict=False))
@@ -531,15 +519,12 @@ class _TextLog(Log):
                 if np.isnan(time):
                     counts = counter.of(np.array([_float(values.get("TimeMS"))]))
                     time = float(counts[0]) * 1e-3
-                rows[name].append([time, *(_float(values.get(column)) for column in wanted[name])])
-                if len(rows[name]) >= READING_SETTINGS.chunk_rows:
-                    yield _chunk(name, rows[name])
-                    rows[name] = []
+                numbers = {column: _float(values.get(column)) for column in wanted[name]}
+                if (chunk := gathered.add(name, time, numbers)) is not None:
+                    yield chunk
                     if share is not None:
                         share(done / size)
-        for name, left in rows.items():
-            if left:
-                yield _chunk(name, left)
+        yield from gathered.rest()
 
 
 def _float(cell: str | None) -> float:
@@ -547,11 +532,6 @@ def _float(cell: str | None) -> float:
         return float(cell) if cell else np.nan
     except ValueError:
         return np.nan
-
-
-def _chunk(name: str, rows: list[list[float]]) -> Chunk:
-    values = np.array(rows)
-    return Chunk(name, values[:, 0], values[:, 1:])
 
 
 def _plain(cell: bytes) -> str:
@@ -573,9 +553,8 @@ def _messages(data: Bytes, lengths: Places, release: Callable[[], None]) -> tupl
         filled = min(filled, size - int(np.argmax(tail[::-1])) if tail.any() else size)
     place = np.dtype(np.uint32 if size < 1 << 32 else np.int64)
     begins, kinds = [np.empty(0, place)], [np.empty(0, np.uint8)]
-    marks = np.zeros(
-        SETTINGS.search_bytes + SETTINGS.longest_message + 1, bool
-    )  # ends of messages, from the beginning of the block
+    # Ends of messages, from the beginning of the block.
+    marks = np.zeros(SETTINGS.search_bytes + SETTINGS.longest_message + 1, bool)
     marks[0] = True
     reach = 0
     for block in range(0, size - 2, SETTINGS.search_bytes):

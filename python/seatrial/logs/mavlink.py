@@ -30,13 +30,10 @@ from typing import Any, BinaryIO
 
 from seatrial.base.budget import advance
 from seatrial.base.errors import TrialError
-from seatrial.logs.formats import extra
-from seatrial.logs.log import READING_SETTINGS, Chunk, Event, Gathered, Log, Share, number
+from seatrial.logs.log import READING_SETTINGS, Chunk, Event, Gathered, Log, Share, extra, number
 
 _STAMP_BYTES = 8  # of the ground station, before each frame
-_BEGIN = struct.Struct(
-    ">QBBB"
-)  # of a frame: stamp in us, mark, bytes of its payload, flags from version 2 on
+_BEGIN = struct.Struct(">QBBB")  # of a frame: stamp in us, mark, bytes of payload, flags from version 2 on
 _AUTOPILOT = 1  # MAV_COMP_ID_AUTOPILOT1
 _GROUND = 255  # the usual system number of a ground station
 
@@ -163,13 +160,7 @@ class SenderClocks:
 
 
 def open_log(path: Path) -> Log:
-    """Telemetry log.
-
-    Raises
-    ------
-    TrialError
-        If pymavlink is missing or the file holds no MAVLink messages.
-    """
+    """Telemetry log; TrialError if pymavlink is missing or the file holds no MAVLink messages."""
     log = _Telemetry(path, "mavlink", epoch_s=0.0)
     if not log.fields:
         raise TrialError(f"{path}: no MAVLink message in it; is it another kind of file?")
@@ -192,11 +183,12 @@ class _Telemetry(Log):
         mavutil = extra("pymavlink.mavutil", self.path)
         for message, _ in self._messages():
             kind = message.get_type()
-            if kind.startswith(("BAD_DATA", "UNKNOWN")):
-                places += kind.startswith("BAD_DATA")
-                whole += 0 if kind.startswith("BAD_DATA") else _STAMP_BYTES + len(message.get_msgbuf())
+            if kind.startswith("BAD_DATA"):
+                places += 1
                 continue
             whole += _STAMP_BYTES + len(message.get_msgbuf())
+            if kind.startswith("UNKNOWN"):
+                continue
             values = dict(_flat(message))
             system, component = sender = _sender(message)
             # Of several systems the vehicle is the one whose autopilot speaks most.
@@ -404,16 +396,13 @@ def _flat(message: Any) -> Iterator[tuple[str, float]]:
         value = getattr(message, name)
         if name == instance:
             continue
-        if type(value) in _PLAIN:
+        if type(value) in (float, int):
             yield name, float(value)
         elif isinstance(value, list | tuple) and len(value) <= READING_SETTINGS.longest_array:
             for k, cell in enumerate(value):
                 plain = number(cell)
                 if plain is not None:
                     yield f"{name}[{k}]", plain
-
-
-_PLAIN = (float, int)
 
 
 def _since_boot(message: Any) -> tuple[float, float] | None:

@@ -221,7 +221,7 @@ def propose(format: str, topics: Sequence[Topic], parameters: Mapping[str, float
     Parameters
     ----------
     format
-        Format of the log (`seatrial.logs.formats`).
+        Format of the log (`seatrial.logs.log`).
     topics
         What its topics hold.
     parameters
@@ -527,38 +527,32 @@ def _unit(
     if (stated := _told_unit(field)) and fits(canonical, stated[0]):
         return *stated, True
     # The log does not say: the range decides where two units cannot be mistaken.
-    largest = max(abs(field.minimum), abs(field.maximum))
+    largest, how = _largest([field]), "by its range"
     if canonical.startswith(("cmd.", "meas.")):
         return _actuator_unit(field, largest)
     if canonical.endswith("_deg_s"):
-        # All rates of a message share a unit: the fastest one tells it.
-        fastest = max((max(abs(r.minimum), abs(r.maximum)) for r in rates), default=largest)
-        unit = "deg/s" if max(fastest, largest) > 6.0 else "rad/s"
-        return unit, f"unit {unit} by the range of the rates", False
-    if canonical.endswith("_deg"):
-        widest = max((max(abs(a.minimum), abs(a.maximum)) for a in angles), default=largest)
-        unit = "deg" if widest > 2.0 * math.pi + 0.1 else "rad"
-        return unit, f"unit {unit} by the range of the angles", False
-    if canonical in ("latitude", "longitude"):
+        # All rates of a message share a unit, as all angles do: the largest one tells it.
+        unit, how = "deg/s" if _largest([field, *rates]) > 6.0 else "rad/s", "by the range of the rates"
+    elif canonical.endswith("_deg"):
+        widest = _largest([field, *angles])
+        unit, how = "deg" if widest > 2.0 * math.pi + 0.1 else "rad", "by the range of the angles"
+    elif canonical in ("latitude", "longitude"):
         unit = "1e-7 deg" if largest > 1000.0 else "deg"
-        return unit, f"unit {unit} by its range", False
-    if canonical == "pressure":
-        unit = "Pa" if largest > 8e4 else ""
-        return unit, "a pressure in Pa by its range", False
-    if canonical.endswith("_m_s") or canonical in ("north", "east", "down"):
+    elif canonical == "pressure" or (canonical == "z_m" and field.minimum > 8e4):
+        return "Pa" if largest > 8e4 else "", "a pressure in Pa by its range", False
+    elif canonical.endswith("_m_s") or canonical in ("north", "east", "down"):
         unit = "mm/s" if field.deviation > 40.0 or largest > 300.0 else "cm/s" if largest > 30.0 else "m/s"
-        return unit, f"unit {unit} by its range", False
-    if canonical == "voltage_v":
+    elif canonical == "voltage_v":
         unit = "mV" if largest > 1000.0 else "V"
-        return unit, f"unit {unit} by its range", False
-    if canonical == "z_m":
-        if field.minimum > 8e4:
-            return "Pa", "a pressure in Pa by its range", False
-        return "m", "unit m assumed", False
-    if canonical.startswith("tau."):
-        unit = "N" if canonical.endswith("_n") else "N*m"
-        return unit, f"unit {unit} assumed", False
-    return ("", "no unit", False) if canonical.startswith("q_") else ("m", "unit m assumed", False)
+    elif canonical.startswith("q_"):
+        return "", "no unit", False
+    else:
+        unit, how = {"_n": "N", "nm": "N*m"}.get(canonical[-2:], "m"), "assumed"
+    return unit, f"unit {unit} {how}", False
+
+
+def _largest(fields: Sequence[Field]) -> float:
+    return max(max(abs(field.minimum), abs(field.maximum)) for field in fields)
 
 
 def unknown_unit(proposal: Proposal, field: Field) -> bool:

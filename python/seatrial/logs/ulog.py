@@ -25,27 +25,14 @@ import numpy as np
 
 from seatrial.base.errors import TrialError, printable
 from seatrial.logs.clock import Counter32
-from seatrial.logs.formats import extra
-from seatrial.logs.log import READING_SETTINGS, Chunk, Event, Log, Share
+from seatrial.logs.log import READING_SETTINGS, Chunk, Event, Log, Share, extra
 
 _GROUP_BYTES = 200_000_000  # of samples read together: bounds the memory
 _HEADER_BYTES = 16  # signature, version and time, by the format
 _FLAGS = b"\x28\0B"  # the frame of flags: 40 bytes, that of data appended after a crash among them
 _LEAST = {
-    "B": 40,
-    "F": 4,
-    "I": 3,
-    "M": 4,
-    "P": 3,
-    "Q": 4,
-    "A": 4,
-    "R": 2,
-    "D": 10,
-    "L": 9,
-    "C": 11,
-    "S": 8,
-    "O": 2,
-}
+    "B": 40, "F": 4, "I": 3, "M": 4, "P": 3, "Q": 4, "A": 4, "R": 2, "D": 10, "L": 9, "C": 11, "S": 8, "O": 2,
+}  # fmt: skip
 _FIXED = {"B", "R", "S", "O"}
 """Least bytes of the content by kind of frame; those of the kinds in `_FIXED` always have that many."""
 _LARGEST = 65_535  # bytes of a message: its length has two
@@ -55,13 +42,7 @@ _KEYED = {"I": 0, "P": 0, "M": 1, "Q": 1}  # bytes before the length and text of
 
 
 def open_log(path: Path) -> Log:
-    """ULog file.
-
-    Raises
-    ------
-    TrialError
-        If pyulog is missing or the file is no ULog.
-    """
+    """ULog file; TrialError if pyulog is missing or the file is no ULog."""
     log = _ULog(path, "ulog")
     if not log.fields:
         raise TrialError(f"{path}: the ULog holds no topic with samples")
@@ -173,21 +154,13 @@ def _numbered(topic: str) -> bool:
 
 
 class _Walk:
-    """The frames of a file: bytes of samples by uORB name, the parts that hold whole frames, what is lost.
-
-    Attributes
-    ----------
-    sizes
-        Bytes of samples by uORB name.
-    lost, places, first
-        Bytes that are no whole frames, in how many places, and where the first begins.
-    cut
-        Bytes of a last frame that the file does not hold whole.
-    """
+    """The frames of a file: bytes of samples by uORB name, the parts that hold whole frames, what is lost."""
 
     def __init__(self, path: Path) -> None:
-        self.sizes: dict[str, int] = {}
-        self.lost = self.places = self.first = self.cut = 0
+        self.sizes: dict[str, int] = {}  # bytes of samples by uORB name
+        # Bytes that are no whole frames, in how many places, and where the first begins.
+        self.lost = self.places = self.first = 0
+        self.cut = 0  # bytes of a last frame that the file does not hold whole
         self._path = path
         self._names: dict[int, str] = {}  # of the subscriptions, by number
         self._lengths: dict[int, int] = {}  # of their samples

@@ -135,43 +135,28 @@ class SitlSession(
     only="vehicle=mapping.vehicle.name ended frames lost resets ignored simulated_s wall_s steps_per_s"
     " slowest_step_s rate_hz channels notes",
 ):
-    """What happened on the link.
+    """What happened on the link."""
 
-    Attributes
-    ----------
-    mapping
-        What flew, and where its pulses came from.
-    ended
-        "idle", "interrupted", "diverged" or "frames": why it ended.
-    frames, lost, resets
-        Packets that were answered by a step, frames that were missing between them, new beginnings.
-    ignored
-        Packets that were passed over, by why: short, long, magic, rate, pulse, late, duplicate, stranger.
-    simulated_s, wall_s, busy_s
-        Time of the physics, of the clock, and spent on steps and answers.
-    slowest_step_s
-        Longest time between a packet and its answer.
-    rate_hz
-        Frames per second that the peer asked for last.
-    rows
-        Log: time, position, roll pitch yaw, nu, then commands by actuator, SI.
-    notes
-        What was mapped and what not.
-    """
-
-    mapping: ChannelMap
-    ended: str
+    mapping: ChannelMap  #: What flew, and where its pulses came from.
+    ended: str  #: "idle", "interrupted", "diverged" or "frames": why it ended.
+    #: `frames`, `lost`, `resets`: packets that were answered by a step, frames that were missing
+    #: between them, new beginnings.
     frames: int
     lost: int
     resets: int
+    #: Packets that were passed over, by why: short, long, magic, rate, pulse, late, duplicate,
+    #: stranger.
     ignored: Mapping[str, int]
+    #: `simulated_s`, `wall_s`, `busy_s`: time of the physics, of the clock, and spent on steps and
+    #: answers.
     simulated_s: float
     wall_s: float
     busy_s: float
-    slowest_step_s: float
-    rate_hz: int
+    slowest_step_s: float  #: Longest time between a packet and its answer.
+    rate_hz: int  #: Frames per second that the peer asked for last.
+    #: Log: time, position, roll pitch yaw, nu, then commands by actuator, SI.
     rows: Sequence[Sequence[float]] = ()
-    notes: Sequence[str] = ()
+    notes: Sequence[str] = ()  #: What was mapped and what not.
 
     @property
     def steps_per_s(self) -> float:
@@ -417,13 +402,7 @@ class _Loop:
         if before.t_s >= self._next_s - 1e-9 and np.isfinite(before.nu).all():
             self._next_s += self._every_s
             commands = [self._commands[channel.actuator] for channel in self.channels]
-            self.rows.append([
-                before.t_s,
-                *before.position.tolist(),
-                *before.euler.tolist(),
-                *before.nu.tolist(),
-                *commands,
-            ])
+            self.rows.append([before.t_s, *before.numbers, *commands])
         return motion
 
     def _begin_anew(self) -> None:

@@ -152,49 +152,23 @@ class RealtimeFlight(
     only="vehicle=vehicle.name outcome complete depth_largest_m=deepest_m reaction cause speed timing"
     " hardware warnings notes",
 ):
-    """A flight by the clock.
+    """A flight by the clock."""
 
-    Attributes
-    ----------
-    vehicle
-        What flew.
-    outcome
-        "complete", "ended by safety", "time is up", "interrupted" or "diverged".
-    reaction, cause
-        Of the autopilot at the end, in words; empty with hardware.
-    timing
-        How the loop kept time.
-    hardware
-        What went over the link; None without hardware.
-    speed
-        Periods of motion per period of the clock.
-    rows
-        Time, position, roll pitch yaw, nu, then commands and actuators, SI.
-    notes
-        What differs from the sensors as described.
-    doubt
-        Why the autopilot does not belong to the vehicle; empty where it does.
-    max_depth_m
-        The mission's largest depth; infinite without one.
-    inputs
-        Texts of vehicle, autopilot and mission as they were used.
-    clock
-        When it began.
-    """
-
-    vehicle: Vehicle
-    outcome: str
+    vehicle: Vehicle  #: What flew.
+    outcome: str  #: "complete", "ended by safety", "time is up", "interrupted" or "diverged".
+    #: `reaction`, `cause`: of the autopilot at the end, in words; empty with hardware.
     reaction: str
     cause: str
-    timing: Timing
-    hardware: HardwareFacts | None
-    speed: float
-    rows: list[list[float]]
-    notes: tuple[str, ...] = ()
-    doubt: str = ""
-    max_depth_m: float = math.inf
+    timing: Timing  #: How the loop kept time.
+    hardware: HardwareFacts | None  #: What went over the link; None without hardware.
+    speed: float  #: Periods of motion per period of the clock.
+    rows: list[list[float]]  #: Time, position, roll pitch yaw, nu, then commands and actuators, SI.
+    notes: tuple[str, ...] = ()  #: What differs from the sensors as described.
+    doubt: str = ""  #: Why the autopilot does not belong to the vehicle; empty where it does.
+    max_depth_m: float = math.inf  #: The mission's largest depth; infinite without one.
+    #: Texts of vehicle, autopilot and mission as they were used.
     inputs: Mapping[str, str] = field(default_factory=dict)
-    clock: Clock = field(default_factory=Clock)
+    clock: Clock = field(default_factory=Clock)  #: When it began.
 
     @property
     def complete(self) -> bool:
@@ -415,7 +389,7 @@ class _Flight:
         if self.hardware is not None:
             supply = {} if self.voltage_v is None else {"voltage_v": self.voltage_v}
             return self.hardware.exchange(seen, **supply)
-        row = [*seen.position, *seen.euler, *seen.nu]
+        row = seen.numbers
         # A sample that is held from before was not measured: it grows old by itself.
         fresh = [True] * len(row) if self.shown is None else self.shown.fresh.tolist()
         values = {name: value for name, value, new in zip(_CHANNELS, row, fresh, strict=True) if new}
@@ -429,14 +403,8 @@ class _Flight:
     def _log(self, motion: Motion, commands: Mapping[str, float]) -> None:
         done = {**self.neutral, **self.plant.actuators}
         names = self.plant.vehicle.actuators
-        self.rows.append([
-            motion.t_s,
-            *motion.position.tolist(),
-            *motion.euler.tolist(),
-            *motion.nu.tolist(),
-            *(commands.get(name, self.neutral[name]) for name in names),
-            *(done[name] for name in names),
-        ])
+        given = (commands.get(name, self.neutral[name]) for name in names)
+        self.rows.append([motion.t_s, *motion.numbers, *given, *(done[name] for name in names)])
         if self.live is not None:
             self.live.show(motion, self._numbers(motion, commands, done))
 

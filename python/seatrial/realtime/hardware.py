@@ -152,30 +152,18 @@ class HardwareFacts(
 
 @dataclass
 class Hardware:
-    """Autopilot hardware at the other end of a link.
+    """Autopilot hardware at the other end of a link."""
 
-    Attributes
-    ----------
-    actuators, neutral
-        Names in the order of the packet, and the command of each at rest.
-    send
-        Sends a packet to the hardware.
-    receive
-        Gives a packet and its sender, None when there is none.
-    watchdog_s
-        Time without a good packet after which the actuators rest.
-    clock
-        Monotonic time, s.
-    peer
-        The only sender that is obeyed; when omitted the first that sends a good packet, until it is silent.
-    """
-
+    #: `actuators`, `neutral`: names in the order of the packet, and the command of each at rest.
     actuators: Sequence[str]
     neutral: Mapping[str, float]
-    send: Callable[[bytes], None]
+    send: Callable[[bytes], None]  #: Sends a packet to the hardware.
+    #: Gives a packet and its sender, None when there is none.
     receive: Callable[[], tuple[bytes, Any] | None]
-    watchdog_s: float = 0.5
-    clock: Callable[[], float] = time.monotonic
+    watchdog_s: float = 0.5  #: Time without a good packet after which the actuators rest.
+    clock: Callable[[], float] = time.monotonic  #: Monotonic time, s.
+    #: The only sender that is obeyed; when omitted the first that sends a good packet, until it is
+    #: silent.
     peer: Any = None
     _sequence: int = field(default=0, init=False)
     _last: int | None = field(default=None, init=False)

@@ -81,7 +81,7 @@ class Live:
     ) -> None:
         try:
             import foxglove
-            from foxglove import messages
+            from foxglove import channels, messages
         except ImportError:
             raise SimulationError(
                 "live: needs foxglove-sdk, which is not installed; pip install 'seatrial[live]'"
@@ -110,10 +110,10 @@ class Live:
                 self.close()
                 why = reason(error)
                 raise SimulationError(f"{record}: cannot be written ({why}); choose another folder") from None
-        channel = _typed_channels()
-        self._tf = channel["FrameTransformChannel"]("/tf", context=self._context)
-        self._pose = channel["PoseInFrameChannel"]("/pose", context=self._context)
-        self._scene = channel["SceneUpdateChannel"]("/scene", context=self._context)
+        typed: Any = channels
+        self._tf = typed.FrameTransformChannel("/tf", context=self._context)
+        self._pose = typed.PoseInFrameChannel("/pose", context=self._context)
+        self._scene = typed.SceneUpdateChannel("/scene", context=self._context)
         schema = foxglove.Schema(
             name="seatrial.Flight",
             encoding="jsonschema",
@@ -207,14 +207,6 @@ class Live:
         )
         track = m.SceneEntity(timestamp=stamp, frame_id=_EARTH, id="track", lines=[line])
         return m.SceneUpdate(entities=[hull, track])
-
-
-def _typed_channels() -> dict[str, Any]:
-    """Typed channels of foxglove-sdk by name."""
-    from foxglove import channels
-
-    names = ("FrameTransformChannel", "PoseInFrameChannel", "SceneUpdateChannel")
-    return {name: getattr(channels, name) for name in names}
 
 
 OWN_ORIGINS = ("https://app.foxglove.dev", "https://app.foxglove.com", "file://")

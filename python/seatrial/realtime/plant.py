@@ -47,6 +47,11 @@ class Motion:
         """Roll, pitch, yaw, (3,), rad."""
         return to_euler(self.attitude)
 
+    @property
+    def numbers(self) -> list[float]:
+        """Position, roll pitch yaw, nu: twelve numbers, SI."""
+        return [*self.position.tolist(), *self.euler.tolist(), *self.nu.tolist()]
+
     @cached_property
     def rotation(self) -> Array:
         """Rotation matrix body to NED, (3, 3)."""
@@ -256,7 +261,7 @@ class Shown:
 
     def measure(self, motion: Motion) -> Motion:
         """The motion as the sensors show it at its time."""
-        row = np.concatenate([motion.position, motion.euler, motion.nu])
+        row = np.array(motion.numbers)
         self._past.append((motion.t_s, row))
         while len(self._past) > 2 and self._past[1][0] <= motion.t_s - self._keep:
             self._past.popleft()
@@ -264,8 +269,7 @@ class Shown:
         self.fresh[:] = True
         for kind, sensor in self._sensors.items():
             seen[list(_KINDS[kind].columns)] = self._sample(kind, sensor, motion.t_s)
-        nu = np.concatenate([seen[6:9], seen[9:12]])
-        return Motion(motion.t_s, seen[:3], from_euler(seen[3:6]), nu, motion.specific_force)
+        return Motion(motion.t_s, seen[:3], from_euler(seen[3:6]), seen[6:].copy(), motion.specific_force)
 
     def _sample(self, kind: str, sensor: Sensor, t_s: float) -> Array:
         interval = 0.0 if sensor.rate_hz is None else 1.0 / sensor.rate_hz

@@ -43,27 +43,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """Circumstances of a run.
+    """Circumstances of a run."""
 
-    Attributes
-    ----------
-    vehicle
-        The vehicle that made the run; only a load cell needs it.
-    current
-        Velocity of the water over ground, NED, m/s, (3,) or one row per row of the run; None: still water.
-    voltage_v
-        Supply in V, one value per row of the run; None: not known.
-    bottom_depth_m
-        Depth of the bottom below the surface; None: within reach everywhere.
-    held
-        Whether the vehicle is tied, as in a bollard test.
-    """
-
-    vehicle: Vehicle | None = None
+    vehicle: Vehicle | None = None  #: The vehicle that made the run; only a load cell needs it.
+    #: Velocity of the water over ground, NED, m/s, (3,) or one row per row of the run; None: still
+    #: water.
     current: Array | None = None
-    voltage_v: Array | None = None
+    voltage_v: Array | None = None  #: Supply in V, one value per row of the run; None: not known.
+    #: Depth of the bottom below the surface; None: within reach everywhere.
     bottom_depth_m: float | None = None
-    held: bool = False
+    held: bool = False  #: Whether the vehicle is tied, as in a bollard test.
 
     def water(self, rows: int) -> Array:
         """Velocity of the water, shape (rows, 3), NED, m/s."""

@@ -71,52 +71,31 @@ class Sensor:
     ``gyro``, deg of ``attitude`` and ``bearing``, m/s of ``dvl`` and ``dvl_water``, m of ``depth``,
     ``position``, ``gps``, ``usbl`` and ``range``, V of ``voltage``, N of ``load_cell``, the command's unit of
     ``revolutions``. All other numbers are in SI units and radians.
-
-    Attributes
-    ----------
-    noise
-        Standard deviation of the white noise of a sample.
-    bias
-        Standard deviation of an offset that is drawn once per run and channel.
-    quantum
-        Step of its digits; 0: none.
-    rate_hz
-        Rate of its samples; None: that of the log.
-    latency_s
-        How much later than its sample a stamp is.
-    phase_s
-        Time of the first sample after the start of the run.
-    jitter_s
-        Standard deviation by which a stamp misses its regular time, at most 0.45 of the interval.
-    position
-        Its lever arm: position in the body frame from O, m.
-    tilt
-        Roll, pitch and yaw of its axes in the body frame, rad.
-    dropout_every_s, dropout_s
-        Mean time from a drop-out to the next one, and its mean duration; None: it never drops out.
-    max_range_m
-        Largest distance to the bottom along its own down axis, or to what an acoustic sensor sees; None: no
-        limit.
-    outlier_share, outlier
-        Of an acoustic sensor the share of samples with a further error, and its standard deviation.
-    transceiver
-        Of acoustic positioning the place of the transceiver, north, east, down, m.
     """
 
-    noise: float = 0.0
-    bias: float = 0.0
-    quantum: float = 0.0
-    rate_hz: float | None = None
-    latency_s: float = 0.0
-    phase_s: float = 0.0
+    noise: float = 0.0  #: Standard deviation of the white noise of a sample.
+    bias: float = 0.0  #: Standard deviation of an offset that is drawn once per run and channel.
+    quantum: float = 0.0  #: Step of its digits; 0: none.
+    rate_hz: float | None = None  #: Rate of its samples; None: that of the log.
+    latency_s: float = 0.0  #: How much later than its sample a stamp is.
+    phase_s: float = 0.0  #: Time of the first sample after the start of the run.
+    #: Standard deviation by which a stamp misses its regular time, at most 0.45 of the interval.
     jitter_s: float = 0.0
-    position: Position = (0.0, 0.0, 0.0)
+    position: Position = (0.0, 0.0, 0.0)  #: Its lever arm: position in the body frame from O, m.
+    #: Roll, pitch and yaw of its axes in the body frame, rad.
     tilt: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    #: `dropout_every_s`, `dropout_s`: mean time from a drop-out to the next one, and its mean
+    #: duration; None: it never drops out.
     dropout_every_s: float | None = None
     dropout_s: float | None = None
+    #: Largest distance to the bottom along its own down axis, or to what an acoustic sensor sees;
+    #: None: no limit.
     max_range_m: float | None = None
+    #: `outlier_share`, `outlier`: of an acoustic sensor the share of samples with a further error, and
+    #: its standard deviation.
     outlier_share: float = 0.0
     outlier: float = 0.0
+    #: Of acoustic positioning the place of the transceiver, north, east, down, m.
     transceiver: Position = (0.0, 0.0, 0.0)
 
     @classmethod
@@ -162,7 +141,7 @@ class Sensor:
             if key not in keys:
                 raise TrialError(f'{where}, {kind}: unknown key "{key}"{nearest(key, keys)}')
             name = f"{where}, {kind}, key {key}"
-            values[keys[key]] = _VECTORS[key](value, name) if key in _VECTORS else _number(value, key, name)
+            values[keys[key]] = (_vector if key in _VECTORS else _number)(value, key, name)
         if ("dropout_s" in values) != ("dropout_every_s" in values):
             given, missing = ("dropout_s", "dropout_every_s")[:: 1 if "dropout_s" in values else -1]
             raise TrialError(f"{where}, {kind}: {given} without {missing}; a drop-out needs both, in s")
@@ -206,42 +185,27 @@ def _number(value: Any, key: str, where: str) -> float:
     return float(value)
 
 
-def _three(value: Any) -> Position | None:
+_LARGEST_TILT_DEG = 180.0  # half a turn: larger angles name the same orientation
+
+_VECTORS = {
+    "position_m": "[forward, starboard, down] from O in m",
+    "transceiver_m": "[north, east, down] in m",
+    "tilt_deg": f"[roll, pitch, yaw] of its axes in the body, from -{_LARGEST_TILT_DEG:g} to"
+    f" {_LARGEST_TILT_DEG:g} degrees",
+}
+"""Keys with three numbers, and what is expected of them."""
+
+
+def _vector(value: Any, key: str, where: str) -> Position:
+    """The three numbers of a key; angles in rad."""
     numbers = isinstance(value, list | tuple) and all(
         isinstance(x, int | float) and not isinstance(x, bool) and np.isfinite(x) for x in value
     )
-    return (float(value[0]), float(value[1]), float(value[2])) if numbers and len(value) == 3 else None
-
-
-def _position(value: Any, where: str) -> Position:
-    position = _three(value)
-    if position is None:
-        raise TrialError(f"{where}: expected [forward, starboard, down] from O in m, found {value!r}")
-    return position
-
-
-def _tilt(value: Any, where: str) -> Position:
-    angles = _three(value)
-    if angles is None or max(map(abs, angles)) > _LARGEST_TILT_DEG:
-        raise TrialError(
-            f"{where}: expected [roll, pitch, yaw] of its axes in the body, from -{_LARGEST_TILT_DEG:g} to"
-            f" {_LARGEST_TILT_DEG:g} degrees, found {value!r}"
-        )
-    roll, pitch, yaw = (float(np.deg2rad(angle)) for angle in angles)
-    return roll, pitch, yaw
-
-
-_LARGEST_TILT_DEG = 180.0  # half a turn: larger angles name the same orientation
-
-
-def _place(value: Any, where: str) -> Position:
-    place = _three(value)
-    if place is None:
-        raise TrialError(f"{where}: expected [north, east, down] in m, found {value!r}")
-    return place
-
-
-_VECTORS = {"position_m": _position, "tilt_deg": _tilt, "transceiver_m": _place}
+    angles = key == "tilt_deg"
+    if not numbers or len(value) != 3 or (angles and max(map(abs, value)) > _LARGEST_TILT_DEG):
+        raise TrialError(f"{where}: expected {_VECTORS[key]}, found {value!r}")
+    x, y, z = (float(np.deg2rad(part) if angles else part) for part in value)
+    return x, y, z
 
 
 class SensorFile(Section):

@@ -15,12 +15,4 @@ if TYPE_CHECKING:
 __all__ = ["ExportedModel", "ImportedModel", "export_model", "import_model"]
 
 if not TYPE_CHECKING:  # a type checker would take any misspelt name for `object`
-    __getattr__ = front(
-        __name__,
-        {
-            "ExportedModel": "convert",
-            "ImportedModel": "convert",
-            "export_model": "convert",
-            "import_model": "convert",
-        },
-    )
+    __getattr__ = front(__name__, dict.fromkeys(__all__, "convert"))

@@ -23,7 +23,7 @@ from seatrial.base.channels import unit_factor
 from seatrial.base.errors import TrialError, nearest
 from seatrial.base.files import write_atomic, write_table, writing
 from seatrial.base.frames import attitude_to_ned, from_euler
-from seatrial.logs.formats import extra
+from seatrial.logs.log import extra
 
 if TYPE_CHECKING:
     import polars as pl

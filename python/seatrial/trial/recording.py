@@ -18,9 +18,8 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError, first_line, nearest
 from seatrial.base.files import before_table, no_file
 from seatrial.logs.clock import scale_of
-from seatrial.logs.formats import FORMATS as LOGS
-from seatrial.logs.formats import open_log
-from seatrial.logs.log import Log, listed, reading
+from seatrial.logs.log import FORMATS as LOGS
+from seatrial.logs.log import Log, listed, open_log, reading
 from seatrial.logs.names import misfit_of
 from seatrial.trial import defects, table
 from seatrial.trial.columns import Mixer, Source, columns_of, parse
@@ -31,8 +30,8 @@ from seatrial.trial.signals import RecordingReport, Signal, evenly_stamped
 if TYPE_CHECKING:
     import polars as pl
 
+    from seatrial.logs.delimited import Layout
     from seatrial.logs.join import Wanted
-    from seatrial.logs.layout import Layout
 
 Reader: TypeAlias = "Callable[[Path], pl.DataFrame]"
 
@@ -232,7 +231,7 @@ def _numeric(column: pl.Series) -> bool:
 
 def _layout(path: Path) -> Layout | None:
     """Layout of the table; None where it shows no row of numbers: what is wrong with it is said later."""
-    from seatrial.logs.layout import encoding_of, layout_of
+    from seatrial.logs.delimited import encoding_of, layout_of
 
     encoding_of(path)
     try:

@@ -1,10 +1,14 @@
-"""IMC logs of DUNE (`.lsf`, also packed with gzip); messages decoded by imcpy.
+"""Logs of middleware: IMC of DUNE (`.lsf`, also packed with gzip), decoded by imcpy, and MOOS (`.alog`).
 
 An LSF file is a row of IMC packets: a header of 20 bytes (synchronisation number, message, size, time stamp
 in s Unix time, source and entity, destination and entity), the content, and a check sum. A message type of
 the vehicle is a topic, ``Type[entity]`` where several entities send it, and ``Type@source`` for another
 system that it hears, whose clock is brought to the vehicle's where it differs. Only the framing is read here:
 imcpy's own reader of files loads and writes a pickle beside the log, which may hold code.
+
+An alog has lines of time since the start, variable, source and value. A variable is a topic with the field
+``value``; where its value is a list of ``name=number`` pairs, as in a node report, each name is a field.
+`epoch_s` is the LOGSTART of the header.
 """
 
 from __future__ import annotations
@@ -20,8 +24,18 @@ from typing import Any
 
 from seatrial.base.budget import advance
 from seatrial.base.errors import TrialError
-from seatrial.logs.formats import DAMAGED, extra, unpacked
-from seatrial.logs.log import Chunk, Event, Gathered, Log, Share, number
+from seatrial.logs.log import (
+    DAMAGED,
+    READING_SETTINGS,
+    Chunk,
+    Event,
+    Gathered,
+    Log,
+    Share,
+    extra,
+    number,
+    unpacked,
+)
 
 _HEADER, _FOOTER = 20, 2  # bytes of a message's header and check sum, by the protocol
 _SYNC = 0xFE54
@@ -40,14 +54,8 @@ class ImcSettings:
 SETTINGS = ImcSettings()
 
 
-def open_log(path: Path) -> Log:
-    """Log of DUNE.
-
-    Raises
-    ------
-    TrialError
-        If imcpy is missing or the file holds no IMC packet.
-    """
+def open_imc(path: Path) -> Log:
+    """Log of DUNE; TrialError if imcpy is missing or the file holds no IMC packet."""
     log = _Lsf(path, "imc", epoch_s=0.0)
     if not log.fields:
         raise TrialError(f"{path}: no IMC message in it; is it another kind of file?")
@@ -218,3 +226,107 @@ def _numeric(message: Any) -> list[str]:
     head = {"timestamp", "src", "src_ent", "dst", "dst_ent", "msg_id"}
     names = [name for name in dir(message) if not name.startswith("_") and name not in head]
     return [name for name in names if number(getattr(message, name, None)) is not None]
+
+
+_PAIR = re.compile(r"([A-Za-z_]\w{0,63})=([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?=,|$)")
+_MODES = ("MODE", "DEPLOY", "IVPHELM_STATE")
+_LONGEST_LINE = 65_536  # bytes: a longer entry is no channel
+
+
+def open_moos(path: Path) -> Log:
+    """Log of a MOOS community; TrialError if no line of the file is an entry of an alog."""
+    log = _Alog(path, "moos")
+    if not log.fields:
+        raise TrialError(
+            f"{path}: no entry in it; expected lines of time, variable, source and value, as pLogger"
+            " writes them"
+        )
+    return log
+
+
+@dataclass
+class _Alog(Log):
+    _names: dict[str, dict[str, str]] = field(default_factory=dict)
+    _events: list[Event] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        odd = 0
+        for line, _ in self._lines():
+            if line.startswith("%"):
+                start = re.search(r"LOGSTART\s+(\d+(?:\.\d+)?)", line)
+                if start:
+                    self.epoch_s = float(start[1])
+                continue
+            entry = _entry(line)
+            if entry is None:
+                odd += bool(line.strip())
+                continue
+            t, variable, text = entry
+            values = _values(text)
+            if values:
+                known = self._names.setdefault(variable, {})
+                for name in values:
+                    known.setdefault(name, "")
+                if len(self._names) > READING_SETTINGS.most_topics:
+                    most = READING_SETTINGS.most_topics
+                    raise TrialError(f"{self.path}: more than {most} variables; the file is damaged")
+            elif variable in _MODES:
+                self._events.append(Event(t, "mode", f"{variable} {text[:200]}"))
+        with self.path.open("rb") as stream:
+            stream.seek(-1, 2)
+            if stream.read(1) not in b"\r\n":
+                self.note("cut within line")
+        if odd:
+            self.note("lines of no entry", count=odd)
+
+    @property
+    def fields(self) -> Mapping[str, Mapping[str, str]]:
+        """Names of the numbers by variable; an alog states no units."""
+        return self._names
+
+    def events(self) -> list[Event]:
+        """Changes of mode."""
+        return sorted(self._events)
+
+    def chunks(self, wanted: Mapping[str, Sequence[str]], share: Share | None = None) -> Iterator[Chunk]:
+        """Samples of the variables wanted."""
+        gathered = Gathered(wanted)
+        for count, (line, done) in enumerate(self._lines()):
+            if share is not None and count % 16_384 == 0:
+                share(done)
+            entry = None if line.startswith("%") else _entry(line)
+            if entry is None or entry[1] not in wanted:
+                continue
+            values = _values(entry[2])
+            chunk = gathered.add(entry[1], entry[0], values) if values else None
+            if chunk is not None:
+                yield chunk
+        yield from gathered.rest()
+
+    def _lines(self) -> Iterator[tuple[str, float]]:
+        size = max(self.path.stat().st_size, 1)
+        done = 0
+        with self.path.open("rb") as stream:
+            while raw := stream.readline(_LONGEST_LINE):
+                done += len(raw)
+                yield raw.decode("utf-8", "replace").rstrip("\r\n"), done / size
+
+
+def _entry(line: str) -> tuple[float, str, str] | None:
+    """Time in s, variable and value of a line."""
+    parts = line.split(None, 3)
+    if len(parts) < 3:
+        return None
+    try:
+        t = float(parts[0])
+    except ValueError:
+        return None
+    return (t, parts[1], parts[3].strip() if len(parts) > 3 else "") if math.isfinite(t) else None
+
+
+def _values(text: str) -> dict[str, float]:
+    """Numbers in a value: one, or those of ``name=number`` pairs."""
+    try:
+        return {"value": float(text)}
+    except ValueError:
+        return {name: float(number) for name, number in _PAIR.findall(text)[:100]}
