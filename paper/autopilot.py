@@ -517,7 +517,7 @@ def flight_plates(flight: Flight) -> Iterator[Plate]:
     """Plates of a flight: mission, track, errors, loops, actuators."""
     from seatrial.report.plot.flight import flight_track
     from seatrial.report.plot.flight_errors import flight_actuators, flight_errors, flight_loops
-    from seatrial.report.plot.mission import mission_plan
+    from seatrial.report.plot.track import mission_plan
 
     data = f"Data: simulated flight of {flight.vehicle.name} on the mission {flight.mission.name}."
     yield Plate(

@@ -359,7 +359,7 @@ def test_a_time_in_milliseconds_is_suspected() -> None:
     slow = MotorParameter("T_1", "s", 200.0)
     motor = SimpleNamespace(parameters={"T_1": slow, "K_V": MotorParameter("K_V", "", 200.0)})
     doubts = motor_doubts("stern", motor)  # type: ignore[arg-type]
-    assert [sentence_of(doubt, "bench_sentences") for doubt in doubts] == [
+    assert [sentence_of(doubt, "bench_test") for doubt in doubts] == [
         "stern motor: T_1 = 200 s is not that of a motor; is t_s in seconds?"
     ]
 

@@ -19,7 +19,7 @@ from seatrial.control_design.margin_report import ReportedMargins, autopilot_mar
 from seatrial.control_design.margins import decibel
 from seatrial.control_design.operating_points import reachable_points
 from seatrial.control_design.tuning_table import Margins
-from seatrial.report.results.margins import margin_table
+from seatrial.report.results.tuning import margin_table
 from tests.control_design.started import started
 
 CWOLF = st.Vehicle.load("cwolf")

@@ -18,8 +18,8 @@ from seatrial.check.mission import check_mission
 from seatrial.control_design.start_autopilot import start_autopilot
 from seatrial.flight.findings import missed_waypoint, outside, overrun
 from seatrial.flight.flight import fly_seeds
+from seatrial.report.results.flight import seeds_sentence
 from seatrial.report.results.flight_findings import problem, remedy
-from seatrial.report.results.flight_tables import seeds_sentence
 from tests.flight.flying import BOX, OUT, grouped
 
 STEEP = """

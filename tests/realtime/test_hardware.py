@@ -18,7 +18,7 @@ import pytest
 from seatrial.base.errors import SimulationError
 from seatrial.realtime.hardware import Hardware, command_packet, udp_hardware
 from seatrial.realtime.plant import Motion
-from seatrial.report.results.realtime import link_sentence
+from seatrial.report.results.links import link_sentence
 
 PEER = ("192.168.2.2", 14660)
 MOTION = Motion(

@@ -7,7 +7,7 @@ import pytest
 
 from seatrial.base.errors import SimulationError
 from seatrial.realtime.flight import Pacer
-from seatrial.report.results.realtime import kept_time
+from seatrial.report.results.links import kept_time
 
 
 class Clock:

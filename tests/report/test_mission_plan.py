@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from seatrial.report.plot.mission import mission_plan
-from seatrial.report.plot.track import bottom_depth, patterns, planned_path, waypoint_label
+from seatrial.report.plot.track import bottom_depth, mission_plan, patterns, planned_path, waypoint_label
 from tests.flight.flying import BOX, OUT, STATION, mission
 from tests.report.figures import assert_legends_beside, assert_on_page, line, panel
 

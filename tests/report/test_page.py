@@ -21,8 +21,7 @@ from seatrial.base.errors import SeatrialError
 from seatrial.base.report import Report
 from seatrial.base.run import sha256
 from seatrial.cli import app
-from seatrial.report.page.embedded import ELEMENT, as_embedded, files_of_page, script_json, unpack
-from seatrial.report.page.page import write_page
+from seatrial.report.page.page import ELEMENT, as_embedded, files_of_page, script_json, unpack, write_page
 from seatrial.report.page.run_folder import RunFolder
 from tests.docs.pages import ROOT
 

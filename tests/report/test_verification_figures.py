@@ -9,8 +9,14 @@ import pytest
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from seatrial.report.plot.cross_track import cross_track, exceedance, quantile_of_counts
-from seatrial.report.plot.verification import Verified, cause_bars, verified_requirements
+from seatrial.report.plot.verification import (
+    Verified,
+    cause_bars,
+    cross_track,
+    exceedance,
+    quantile_of_counts,
+    verified_requirements,
+)
 from seatrial.statistics.proportions import FailureProbability
 from seatrial.verification.causes import Cause, Influence, find_causes
 from tests.report.figures import assert_on_page, panel, texts

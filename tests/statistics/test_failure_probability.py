@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import betabinom, binom
 
-from seatrial.report.results.verification_findings import verdict
+from seatrial.report.results.verification import verdict
 from seatrial.statistics.proportions import (
     FailureProbability,
     clopper_pearson,

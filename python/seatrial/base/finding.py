@@ -89,7 +89,7 @@ Kind = Literal["numerical", "refused"]
 
 @dataclass(frozen=True)
 class Fallback(Plain, only="step=name kind cause kept remedy"):
-    """A step without a result, whose words are in `seatrial.report.results.fallbacks`.
+    """A step without a result, whose words are in `seatrial.report.results.estimates`.
 
     ``step`` says which, ``of`` which of several (a stage, a round). ``kind`` is "numerical" where it diverged
     or has no finite result, "refused" where what was found does not suit it; ``cause`` is what failed, as the
@@ -118,7 +118,7 @@ class Fallback(Plain, only="step=name kind cause kept remedy"):
 
     @property
     def _words(self) -> tuple[str, str, str]:
-        words: tuple[str, str, str] = import_module("seatrial.report.results.fallbacks").words(
+        words: tuple[str, str, str] = import_module("seatrial.report.results.estimates").words(
             self.step, self.of
         )
         return words

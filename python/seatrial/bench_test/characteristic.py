@@ -303,7 +303,7 @@ def _tabulated(made: UnitFit) -> ThrustTable:
 
 
 def _doubt(kind: str, subject: str, **values: Any) -> Finding:
-    """What looks wrong in a bench test; its words are in `seatrial.report.results.bench_sentences`."""
+    """What looks wrong in a bench test; its words are in `seatrial.report.results.bench_test`."""
     return Finding(kind, Severity.PROBLEM, subject, values)
 
 

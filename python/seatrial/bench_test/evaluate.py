@@ -345,11 +345,11 @@ class BenchTest(Reported):
     @property
     def warnings(self) -> tuple[str, ...]:
         """What looks wrong, in sentences."""
-        return tuple(sentence_of(finding, "bench_sentences") for finding in self.findings)
+        return tuple(sentence_of(finding, "bench_test") for finding in self.findings)
 
     def sentences(self) -> list[str]:
         """What the test says, in sentences; warnings begin with WARNING."""
-        return words_about(self, "bench_sentences")
+        return words_about(self, "bench_test")
 
     def to_dict(self) -> dict[str, Any]:
         """All of it as plain data for JSON."""
@@ -452,7 +452,7 @@ def _unit_dict(fit: UnitFit) -> dict[str, Any]:
 
 def _warning(doubt: Finding) -> str:
     """What looks wrong, as a note."""
-    return f"WARNING: {sentence_of(doubt, 'bench_sentences')}"
+    return f"WARNING: {sentence_of(doubt, 'bench_test')}"
 
 
 def _record_dict(record: PullPoints) -> dict[str, Any]:

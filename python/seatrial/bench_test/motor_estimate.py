@@ -76,7 +76,7 @@ class MotorParameter(Plain, also="status"):
 
     def sentence(self) -> str:
         """What is known, in one sentence."""
-        return words_about(self, "bench_sentences")[0]
+        return words_about(self, "bench_test")[0]
 
 
 @dataclass(frozen=True)
@@ -295,7 +295,7 @@ class MotorEstimate(
 
     def sentences(self) -> tuple[str, ...]:
         """What is known of each parameter, what differs, how well it fits; one sentence each."""
-        return tuple(words_about(self, "bench_sentences"))
+        return tuple(words_about(self, "bench_test"))
 
 
 Keys = dict[str, float | str]

@@ -234,8 +234,8 @@ def _check_mission(target: str, flying: Flying, voltage: float, out: Path | None
     def drawn() -> list[Path]:
         if not output.endings:
             return []
-        from seatrial.report.plot.mission import mission_plan
         from seatrial.report.plot.style import save
+        from seatrial.report.plot.track import mission_plan
 
         return save(mission_plan(mission), folder / "mission_plan", formats=output.endings)
 

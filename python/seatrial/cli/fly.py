@@ -141,7 +141,7 @@ def _show_flight(
 ) -> None:
     """Show a flight, publish its run directory that is held, and draw its figures."""
     from seatrial.base.files import only_user
-    from seatrial.report.results.flight_tables import seeds_exceeded, seeds_section
+    from seatrial.report.results.flight import seeds_exceeded, seeds_section
 
     def saved() -> str:
         flight.publish(directory, beside={} if many is None else {"seeds.parquet": many.parquet()})

@@ -190,7 +190,7 @@ def _kind_of_log(log: str) -> tuple[str, list[str]]:
 def _from_report(page: Path, folder: Path) -> Report:
     """Write the files of a page into a folder, and say what can be done with them."""
     from seatrial.base.report import Report
-    from seatrial.report.page.embedded import unpack
+    from seatrial.report.page.page import unpack
 
     written = unpack(page, folder)
     names = [path.relative_to(folder).as_posix() for path in written]

@@ -77,7 +77,7 @@ class Homogeneity(Plain, also="sentences"):
 
     def sentences(self) -> list[str]:
         """Name of the direction, and what the scale rests on."""
-        return list(wording("scale").homogeneity(self))
+        return list(wording("preparation").homogeneity(self))
 
 
 def homogeneous_direction(vehicle: Vehicle) -> tuple[str, ...]:

@@ -68,7 +68,7 @@ class Combination:
     @property
     def words(self) -> str:
         """The combination as it is written: ``a - b + 0.5 c``."""
-        return str(wording("inputs").combination(self))
+        return str(wording("preparation").combination(self))
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ class Dependence:
 
     def sentences(self) -> list[str]:
         """A sentence for those that move only together, one per combination of three and more."""
-        return list(wording("inputs").dependence(self))
+        return list(wording("preparation").dependence(self))
 
 
 def dependence(signals: Array, names: Sequence[str], *, weak: float = 1e-3) -> Dependence:
@@ -315,7 +315,7 @@ class InputJudgement(Plain, also="sentences"):
 
     def sentences(self) -> list[str]:
         """What the inputs tell, for a control engineer."""
-        return words_about(self, "inputs")
+        return words_about(self, "preparation")
 
     def __str__(self) -> str:
         return "\n".join(self.sentences())

@@ -226,11 +226,11 @@ class Implied(Plain, also="added_kg warnings"):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences about what cannot be."""
-        return tuple(wording("scale").warnings(self))
+        return tuple(wording("preparation").warnings(self))
 
     def sentences(self, *, identified: bool = True) -> list[str]:
         """The factor, what follows from it, what cannot be; before an identification of the thrust alone."""
-        return list(wording("scale").implied(self, identified=identified))
+        return list(wording("preparation").implied(self, identified=identified))
 
 
 @dataclass(frozen=True)
@@ -267,7 +267,7 @@ class ScaleReport(Plain, without="identified", also="sentences"):
 
     def sentences(self) -> list[str]:
         """What the scale rests on, what the anchors imply; where there is none, a request for one."""
-        return words_about(self, "scale")
+        return words_about(self, "preparation")
 
 
 def judge_scale(problem: Problem, vehicle: Vehicle | None = None) -> ScaleReport:

@@ -135,11 +135,11 @@ class Choice:
     @property
     def judged_on(self) -> str:
         """Which data judged, in words."""
-        return str(wording("choice").judged_on(self.evidence, self.ahead_s))
+        return str(wording("estimates").judged_on(self.evidence, self.ahead_s))
 
     def sentence(self) -> str:
         """Which of the two is the result, why, and the figures of the other."""
-        return str(wording("choice").sentence(self))
+        return str(wording("estimates").chosen(self))
 
     def to_dict(self) -> dict[str, Any]:
         """The choice as plain data; the joint estimate without its values."""
@@ -231,7 +231,7 @@ def with_or_without_presumed(
     if not worse or all(rich[channel] - poor[channel] < CHOICE_SETTINGS.telling_r2 for channel in judged):
         return joint, polished, (), ""
     r2 = {channel: (1.0 - poor[channel], 1.0 - rich[channel]) for channel in judged}
-    return plain, again, names, wording("choice").presumed(names, evidence, _horizon(joint), r2)
+    return plain, again, names, wording("estimates").presumed(names, evidence, _horizon(joint), r2)
 
 
 def _compared(
@@ -437,7 +437,7 @@ def quadratic_or_strips(
             "taken": taken,
             "held_out": held_out,
         }
-        notes.append(wording("choice").damping(Finding("damping compared", Severity.NOTE, name, values)))
+        notes.append(wording("estimates").damping(Finding("damping compared", Severity.NOTE, name, values)))
         if taken:
             joint, polished, kind = other, again, _after(kind, change)
         elif abs(better) <= max(CHOICE_SETTINGS.likelier, chance):

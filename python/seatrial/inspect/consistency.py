@@ -270,7 +270,7 @@ class Proposal(Plain, without="finding", also="text"):
     @property
     def text(self) -> str:
         """What was found, its effect, and what to write where."""
-        return sentence_of(self.finding, "consistency")
+        return sentence_of(self.finding, "trial_findings")
 
 
 def series_of(recording: Recording) -> dict[str, Series]:

@@ -1,7 +1,7 @@
 """What would make the channels of a log tell one motion, as data: corrections, contradictions, the current.
 
 What was found about a sensor (`seatrial.inspect.consistency_sensors`) becomes keys with value, deviation and
-effect, or a contradiction that no key mends. The words are those of `seatrial.report.results.consistency`.
+effect, or a contradiction that no key mends. The words are those of `seatrial.report.results.trial_findings`.
 Held by ``tests/inspect/test_consistency.py``.
 """
 
@@ -75,7 +75,7 @@ class Correction(Plain, without="finding", also="sentence"):
     @property
     def sentence(self) -> str:
         """What was found, in words."""
-        return sentence_of(self.finding, "consistency")
+        return sentence_of(self.finding, "trial_findings")
 
     @property
     def line(self) -> str:
@@ -152,12 +152,12 @@ class Consistency(Reported, Plain, only="corrections contradictions missing curr
     @property
     def missing(self) -> tuple[str, ...]:
         """`untold` in sentences."""
-        return tuple(sentence_of(finding, "consistency") for finding in self.untold)
+        return tuple(sentence_of(finding, "trial_findings") for finding in self.untold)
 
     @property
     def contradictions(self) -> tuple[str, ...]:
         """`contradicted` in sentences."""
-        return tuple(sentence_of(finding, "consistency") for finding in self.contradicted)
+        return tuple(sentence_of(finding, "trial_findings") for finding in self.contradicted)
 
     def comparisons(self) -> list[dict[str, Any]]:
         """`compared` as plain data."""

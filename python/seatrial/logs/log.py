@@ -66,7 +66,7 @@ class Chunk(NamedTuple):
 
 
 class Note(Finding):
-    """What a reader left out or assumed; as text it is the words of `seatrial.report.results.log_notes`."""
+    """What a reader left out or assumed; as text the words of `seatrial.report.results.trial_findings`."""
 
     @classmethod
     def of(cls, kind: str, subject: str = "", **values: Any) -> Note:
@@ -74,7 +74,7 @@ class Note(Finding):
         return cls(kind, Severity.NOTE, subject, values)
 
     def __str__(self) -> str:
-        return str(import_module("seatrial.report.results.log_notes").note(self))
+        return str(import_module("seatrial.report.results.trial_findings").note(self))
 
 
 class Event(NamedTuple):

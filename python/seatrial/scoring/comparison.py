@@ -112,7 +112,7 @@ class Comparison(Reported, Plain, only="reference level vehicles=scores overall 
 
     def sentences(self) -> tuple[str, ...]:
         """What the windows tell of every further vehicle, and what they do not."""
-        return tuple(words_about(self, "comparison"))
+        return tuple(words_about(self, "score"))
 
     def __repr__(self) -> str:
         return f"Comparison({', '.join(self.scores)} on {', '.join(self.trials)})"

@@ -201,7 +201,7 @@ class Influence(
 
     def __str__(self) -> str:
         """A clause in plain words."""
-        return clause_of(self, "verification_findings")
+        return clause_of(self, "verification")
 
 
 def find_causes(

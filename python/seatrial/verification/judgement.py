@@ -101,7 +101,7 @@ class JudgedRequirement(
     @property
     def sentence(self) -> str:
         """The verdict in words, with what it rests on."""
-        return clause_of(self, "verification_findings")
+        return clause_of(self, "verification")
 
     @property
     def further_runs(self) -> int | None:

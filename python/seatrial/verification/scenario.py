@@ -387,7 +387,7 @@ class Scenario:
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences on what is assumed."""
-        return tuple(clause_of(remark, "verification_findings") for remark in self.remarks)
+        return tuple(clause_of(remark, "verification") for remark in self.remarks)
 
     def facts(
         self, kind: Kind, *, clock: Clock, options: Mapping[str, Any], interrupted: bool

@@ -476,7 +476,7 @@ class Verification(RunResult):
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences on what is assumed and what was drawn."""
-        sentences = (clause_of(remark, "verification_findings") for remark in self.remarks)
+        sentences = (clause_of(remark, "verification") for remark in self.remarks)
         return tuple(dict.fromkeys(sentences))
 
     @property

@@ -475,7 +475,8 @@ def open_loops(vehicle: Vehicle, autopilot: Autopilot) -> dict[str, Any]:
     try:
         constraint = MarginConstraint(vehicle, autopilot)
         own = {name: float(value) for name, value in autopilot.gains().items()}
-        names = {loop: [name for name in own if name.startswith(f"{loop}.K_")] for loop in _loops(own)}
+        tuned = dict.fromkeys(name.split(".")[0] for name in own if ".K_" in name)
+        names = {loop: [name for name in own if name.startswith(f"{loop}.K_")] for loop in tuned}
         whole, margins = constraint.open_loops({}), constraint.margins({})
         # L is linear in each gain: the part of a gain is L less L without it.
         without = {
@@ -504,10 +505,6 @@ def open_loops(vehicle: Vehicle, autopilot: Autopilot) -> dict[str, Any]:
         points.append({"mode": point.mode, "speed": point.speed_m_s, "stable": stable, "loops": loops})
     omega = whole[0][0]
     return {"points": points, "omega": [float(omega[0]), float(omega[-1]), len(omega)], "said": ""}
-
-
-def _loops(gains: dict[str, float]) -> list[str]:
-    return list(dict.fromkeys(name.split(".")[0] for name in gains if ".K_" in name))
 
 
 def _polar(response: NDArray[np.complex128]) -> list[dict[str, Any]]:

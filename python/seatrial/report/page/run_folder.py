@@ -326,10 +326,7 @@ _NUMBERS = {
 
 
 def compared(runs: Sequence[RunFolder]) -> Report | None:
-    """The first and the last run of a kind beside one another; None where no kind comes twice.
-
-    An estimate moved where its change is beyond two standard deviations of both.
-    """
+    """First and last run of a kind; an estimate moved beyond two deviations of both; None without two."""
     kinds = [run.kind for run in runs]
     again = [run for run in runs if kinds.count(run.kind) > 1]
     if not again:

@@ -46,13 +46,7 @@ def drawings(result: object) -> dict[str, Callable[[], Figure]]:
 
 
 def plotted(result: object, name: str = "") -> Figure:
-    """One figure of a result.
-
-    Raises
-    ------
-    SeatrialError
-        The result has no figure of this name, or none at all.
-    """
+    """One figure of a result; SeatrialError where it has none of this name, or none at all."""
     kind, known = type(result).__name__, drawings(result)
     if not known:
         raise SeatrialError(f"{kind}: it has no figure; print its summary()")

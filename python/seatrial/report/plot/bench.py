@@ -22,24 +22,8 @@ from seatrial.base.arrays import Array
 from seatrial.base.files import file_name, free_name
 from seatrial.bench_test.characteristic import SIDES
 from seatrial.bench_test.motor_model import StepRecord
-from seatrial.report.plot.style import (
-    CYCLE,
-    FAINT,
-    INK,
-    MEASURED,
-    ON_WHITE,
-    RESIDUAL,
-    SECOND,
-    SIMULATED,
-    WIDTH_IN,
-    Style,
-    band,
-    house_style,
-    legend_below,
-    new_figure,
-    panel_title,
-)
-from seatrial.report.results.bench_sentences import share
+from seatrial.report.plot import style as pen
+from seatrial.report.results.bench_test import share
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -87,8 +71,8 @@ def drawings(result: BenchTest) -> dict[str, Callable[[], Figure]]:
 def bollard_test(result: BenchTest, *, groups: Sequence[str] | None = None) -> Figure:
     """Figure of the fitted characteristics of groups, with the points behind them and their residuals."""
     shown = [result.pulls[name] for name in (groups or result.pulls)]
-    with house_style():
-        figure = new_figure(4.3, width_in=min(WIDTH_IN, 3.7 * len(shown)))
+    with pen.house_style():
+        figure = pen.new_figure(4.3, width_in=min(pen.WIDTH_IN, 3.7 * len(shown)))
         grid = figure.subplots(2, len(shown), squeeze=False, sharex="col", height_ratios=(3.0, 1.0))
         for column, fit in enumerate(shown):
             upper, lower = grid[0][column], grid[1][column]
@@ -97,8 +81,8 @@ def bollard_test(result: BenchTest, *, groups: Sequence[str] | None = None) -> F
             else:
                 _curve(upper, lower, fit)
             for axes in (upper, lower):
-                axes.axhline(0.0, color=INK, linewidth=0.5)
-                axes.axvline(0.0, color=INK, linewidth=0.5)
+                axes.axhline(0.0, color=pen.INK, linewidth=0.5)
+                axes.axvline(0.0, color=pen.INK, linewidth=0.5)
                 axes.locator_params(nbins=6)
             lower.margins(y=0.15)
             upper.set_ylabel("thrust of one actuator, N")
@@ -107,7 +91,7 @@ def bollard_test(result: BenchTest, *, groups: Sequence[str] | None = None) -> F
             from_neutral = f" from neutral ({neutral:g})" if neutral else ""
             what = {"rpm": "revolutions", "us": "pulse width", "N": "commanded force"}[fit.unit.command]
             lower.set_xlabel(f"{what}{from_neutral}, {fit.unit.command.replace('us', 'µs')}")
-            panel_title(upper, fit.unit.name.replace("_", " "), _scores(fit))
+            pen.panel_title(upper, fit.unit.name.replace("_", " "), _scores(fit))
         figure.align_ylabels(grid[:, 0])
     return figure
 
@@ -115,7 +99,7 @@ def bollard_test(result: BenchTest, *, groups: Sequence[str] | None = None) -> F
 def _legend_below(lower: Axes, upper: Axes, **options: Any) -> None:
     """Legend of the upper panel below the lower one, where it hides no point."""
     handles, labels = upper.get_legend_handles_labels()
-    place: Style = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.5), "ncols": 2}
+    place: pen.Style = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.5), "ncols": 2}
     lower.legend(handles, labels, **place, title_fontsize=7.5, **options)
 
 
@@ -136,19 +120,24 @@ def _curve(upper: Axes, lower: Axes, fit: UnitFit) -> None:
         grid = sign * np.linspace(0.0, float(np.abs(points.signal[own]).max()), SETTINGS.points)[1:]
         thrust = fit.thrust(grid)
         first = number == 0
-        upper.plot(grid, thrust, color=SIMULATED, label="fit" if first else None, zorder=3)
+        upper.plot(grid, thrust, color=pen.SIMULATED, label="fit" if first else None, zorder=3)
         if side in fit.directions and fit.table is None:
             curve, single = fit.directions[side].fit.bands(np.abs(grid)[:, None])
             for axes, middle in ((upper, thrust), (lower, 0.0 * thrust)):
                 label = "95 %, single points" if first else None
-                band(axes, grid, middle - single, middle + single, FAINT, alpha=0.25, label=label)
+                pen.band(axes, grid, middle - single, middle + single, pen.FAINT, alpha=0.25, label=label)
                 label = "95 %, curve" if first else None
-                band(axes, grid, middle - curve, middle + curve, SIMULATED, alpha=0.3, label=label)
+                pen.band(axes, grid, middle - curve, middle + curve, pen.SIMULATED, alpha=0.3, label=label)
     residual = points.thrust - fit.thrust(points.signal)
     honest = ~outlying
     size = 9.0 if len(points.signal) <= 60 else 2.0  # many markers shrink
     for axes, values in ((upper, points.thrust), (lower, residual)):
-        look: Style = {"s": size, "color": MEASURED, "linewidths": 0.0, "zorder": 4 if size > 5.0 else 2}
+        look: pen.Style = {
+            "s": size,
+            "color": pen.MEASURED,
+            "linewidths": 0.0,
+            "zorder": 4 if size > 5.0 else 2,
+        }
         axes.scatter(points.signal[honest], values[honest], label="measured", **look)
         if outlying.any():
             _ring(axes, points.signal[outlying], values[outlying])
@@ -165,7 +154,7 @@ def _outlying(fit: UnitFit) -> NDArray[np.bool_]:
 
 
 def _ring(axes: Axes, signal: Array, values: Array) -> None:
-    ring: Style = {"s": 26.0, "facecolors": "none", "edgecolors": RESIDUAL, "linewidths": 1.0}
+    ring: pen.Style = {"s": 26.0, "facecolors": "none", "edgecolors": pen.RESIDUAL, "linewidths": 1.0}
     axes.scatter(signal, values, zorder=5, label="outlier", **ring)
 
 
@@ -182,13 +171,13 @@ def _name_outliers(axes: Axes, fit: UnitFit, outlying: NDArray[np.int_]) -> None
             ha="center",
             va="center",
             fontsize=6.5,
-            color=RESIDUAL,
+            color=pen.RESIDUAL,
         )
         listed.append(f"{number}  {fit.points.pull[k]}, {fit.points.label[k].split(', ', 1)[-1]}")
     more = len(outlying) - SETTINGS.named
     listed += [f"and {more} more"] if more > 0 else []
-    corner: Style = {"transform": axes.transAxes, "ha": "right", "va": "bottom", "linespacing": 1.4}
-    axes.text(0.98, 0.03, "\n".join(listed), fontsize=6.5, color=RESIDUAL, **corner)
+    corner: pen.Style = {"transform": axes.transAxes, "ha": "right", "va": "bottom", "linespacing": 1.4}
+    axes.text(0.98, 0.03, "\n".join(listed), fontsize=6.5, color=pen.RESIDUAL, **corner)
 
 
 def _voltages(upper: Axes, lower: Axes, fit: UnitFit) -> None:
@@ -197,10 +186,10 @@ def _voltages(upper: Axes, lower: Axes, fit: UnitFit) -> None:
     even = np.linspace(table.signal[0], table.signal[-1], SETTINGS.points)
     grid = np.unique(np.concatenate([even, table.signal]))
     for row, voltage in enumerate(table.voltage_v):
-        colour, dashes = CYCLE[row % len(CYCLE)], _DASHES[row % len(_DASHES)]
+        colour, dashes = pen.CYCLE[row % len(pen.CYCLE)], _DASHES[row % len(_DASHES)]
         own = table.level == row
         signal = fit.points.signal[own]
-        dot: Style = {"s": 2.0, "color": colour, "linewidths": 0.0}
+        dot: pen.Style = {"s": 2.0, "color": colour, "linewidths": 0.0}
         upper.scatter(signal, fit.points.thrust[own], alpha=0.45, **dot)
         curve = table.at(grid, np.full(len(grid), voltage))
         upper.plot(grid, curve, color=colour, linestyle=dashes, linewidth=0.9, label=f"{voltage:.4g} V")
@@ -219,26 +208,26 @@ def motor_step(estimate: MotorEstimate, record: StepRecord) -> Figure:
     stamps, commands = record.held
     unit = estimate.unit
     modelled = estimate.model.response(record, times)
-    with house_style():
-        figure = new_figure(5.6)
+    with pen.house_style():
+        figure = pen.new_figure(5.6)
         grid = figure.add_gridspec(3, 2, height_ratios=[1.5, 0.75, 1.5])
         above = figure.add_subplot(grid[0, :])
         below = figure.add_subplot(grid[1, :], sharex=above)
         end = float(times[-1])
         seen = stamps < end
         steps = np.append(stamps[seen], end), np.append(commands[seen], commands[seen][-1])
-        above.step(*steps, where="post", color=SECOND, linewidth=0.9, label="commanded")
-        above.plot(times, measured, ".", color=MEASURED, markersize=1.8, label="measured")
+        above.step(*steps, where="post", color=pen.SECOND, linewidth=0.9, label="commanded")
+        above.plot(times, measured, ".", color=pen.MEASURED, markersize=1.8, label="measured")
         # Finer than the samples: the model's steps and its dead time stay visible.
         fine = np.linspace(times[0], end, max(4 * len(times), SETTINGS.fine))
         above.plot(
-            fine, estimate.model.response(record, fine), color=SIMULATED, linewidth=0.9, label="modelled"
+            fine, estimate.model.response(record, fine), color=pen.SIMULATED, linewidth=0.9, label="modelled"
         )
         above.set_ylabel(f"revolutions, {unit}")
         above.set_xlim(times[0], end)
         above.tick_params(labelbottom=False)
         above.legend(loc="upper right", ncols=3, bbox_to_anchor=(1.0, 1.17), borderaxespad=0.0)
-        panel_title(above, f"Step test of {record.name}")
+        pen.panel_title(above, f"Step test of {record.name}")
         _residual(below, times, measured, modelled, unit)
         shown = _steps(estimate, record)
         for place, (name, k) in enumerate(shown):
@@ -246,7 +235,7 @@ def motor_step(estimate: MotorEstimate, record: StepRecord) -> Figure:
             _step(axes, estimate, record, k, name)
             axes.set_ylabel(f"revolutions, {unit}" if place == 0 else "")
         if shown:
-            legend_below(figure, figure.axes[-1].get_legend_handles_labels()[0], 4, columnspacing=1.4)
+            pen.legend_below(figure, figure.axes[-1].get_legend_handles_labels()[0], 4, columnspacing=1.4)
         figure.align_ylabels()
     return figure
 
@@ -256,8 +245,8 @@ def _residual(axes: Axes, times: Array, measured: Array, modelled: Array, unit: 
     error = measured - modelled
     usual = 1.3 * float(np.quantile(np.abs(error), SETTINGS.usual))
     inside = np.abs(error) <= (usual if np.abs(error).max() > 4.0 * usual else np.inf)
-    axes.axhline(0.0, color=INK, linewidth=0.5)
-    axes.plot(times[inside], error[inside], color=RESIDUAL, linewidth=0.6)
+    axes.axhline(0.0, color=pen.INK, linewidth=0.5)
+    axes.plot(times[inside], error[inside], color=pen.RESIDUAL, linewidth=0.6)
     axes.set_ylabel(f"residual, {unit}")
     axes.set_xlabel("time, s")
     spread = float(np.sum((measured[inside] - measured[inside].mean()) ** 2))
@@ -266,7 +255,7 @@ def _residual(axes: Axes, times: Array, measured: Array, modelled: Array, unit: 
         text += f", R\N{SUPERSCRIPT TWO} = {1.0 - float(np.sum(error[inside] ** 2)) / spread:.5f}"
     if not inside.all():
         text += f"; {np.count_nonzero(~inside)} values are off the axis"
-    panel_title(axes, "Measured minus modelled", text)
+    pen.panel_title(axes, "Measured minus modelled", text)
 
 
 def _steps(estimate: MotorEstimate, record: StepRecord) -> list[tuple[str, int]]:
@@ -309,11 +298,11 @@ def _step(axes: Axes, estimate: MotorEstimate, record: StepRecord, k: int, name:
     fine = np.linspace(first, last, SETTINGS.fine)
     rows = (times >= first) & (times <= last)
     levels = [float(commands[k - 1]), float(commands[k]), float(commands[k])]
-    axes.step([first - at, 0.0, last - at], levels, where="post", color=SECOND, label="commanded")
+    axes.step([first - at, 0.0, last - at], levels, where="post", color=pen.SECOND, label="commanded")
     limited = follow.response(record, fine)
-    axes.plot(fine - at, limited, "--", color=FAINT, linewidth=0.9, label="limited and delayed")
-    axes.plot(fine - at, model.response(record, fine), color=SIMULATED, label="modelled")
-    axes.plot(times[rows] - at, measured[rows], "o", color=MEASURED, markersize=2.6, label="measured")
+    axes.plot(fine - at, limited, "--", color=pen.FAINT, linewidth=0.9, label="limited and delayed")
+    axes.plot(fine - at, model.response(record, fine), color=pen.SIMULATED, label="modelled")
+    axes.plot(times[rows] - at, measured[rows], "o", color=pen.MEASURED, markersize=2.6, label="measured")
     inner = np.linspace(at, until, 4 * SETTINGS.fine) - at
     share = (led - before) / (after - before)
     lagged = 1.0 - math.exp(-1.0)  # of a step that a first-order lag does in its time constant
@@ -324,15 +313,15 @@ def _step(axes: Axes, estimate: MotorEstimate, record: StepRecord, k: int, name:
     _span(axes, (reached, reached + model.T_1), level, f"$T_1$ = {model.T_1:.3f} s", at=reached + model.T_1)
     axes.set_xlim(first - at, last - at)
     axes.set_xlabel(f"time after the command, s (t = {at:.1f} s)")
-    panel_title(axes, name)
+    pen.panel_title(axes, name)
 
 
 def _span(axes: Axes, ends: tuple[float, float], level: float, text: str, *, at: float) -> None:
     """A time between two bars, with its name beside one of them, away from the other."""
     left = at == ends[0]
     for x in ends:
-        axes.plot([x], [level], "|", color=INK, markersize=7, markeredgewidth=0.9, zorder=5)
-    axes.plot(ends, [level, level], color=INK, linewidth=0.9, zorder=5)
-    aside: Style = {"ha": "right" if left else "left", "va": "center", "textcoords": "offset points"}
+        axes.plot([x], [level], "|", color=pen.INK, markersize=7, markeredgewidth=0.9, zorder=5)
+    axes.plot(ends, [level, level], color=pen.INK, linewidth=0.9, zorder=5)
+    aside: pen.Style = {"ha": "right" if left else "left", "va": "center", "textcoords": "offset points"}
     place = (at, level), (-5 if left else 5, 0)
-    axes.annotate(text, *place, fontsize=7.5, color=INK, zorder=6, bbox=ON_WHITE, **aside)
+    axes.annotate(text, *place, fontsize=7.5, color=pen.INK, zorder=6, bbox=pen.ON_WHITE, **aside)

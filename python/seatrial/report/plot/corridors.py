@@ -18,28 +18,8 @@ import numpy as np
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
+from seatrial.report.plot import style as pen
 from seatrial.report.plot.flight import line
-from seatrial.report.plot.style import (
-    COLUMN_IN,
-    FAINT,
-    MEASURED,
-    REMARK,
-    RESIDUAL,
-    SECOND,
-    SHADE,
-    SIMULATED,
-    THIRD,
-    WIDTH_IN,
-    Style,
-    band,
-    field,
-    grid_of,
-    house_style,
-    legend_below,
-    new_figure,
-    panel_title,
-    stroke,
-)
 from seatrial.tuning.criterion import criterion, time_weighted_error, violations
 
 if TYPE_CHECKING:
@@ -101,17 +81,16 @@ def worst_response(shown: InCorridor) -> int:
 
 
 def corridor_figure(shown: Sequence[InCorridor]) -> Figure:
-    """Figure with a panel per corridor, at least one, two side by side.
-
-    Each shows the corridor's bounds, the responses, and the areas outside with their sizes.
-    """
+    """Figure with corridors two side by side: bounds, responses, and the areas outside with their sizes."""
     if not shown:
         raise SimulationError("no response to draw in a corridor; give at least one")
     columns = min(len(shown), 2)
     rows = -(-len(shown) // 2)
-    with house_style():
-        figure = new_figure(SETTINGS.panel_in * rows, width_in=COLUMN_IN if columns == 1 else WIDTH_IN)
-        grid = grid_of(figure, len(shown), columns)
+    with pen.house_style():
+        figure = pen.new_figure(
+            SETTINGS.panel_in * rows, width_in=pen.COLUMN_IN if columns == 1 else pen.WIDTH_IN
+        )
+        grid = pen.grid_of(figure, len(shown), columns)
         for row, panels in enumerate(grid):
             beside = shown[2 * row : 2 * row + 2]
             window = _common(beside)
@@ -140,24 +119,24 @@ def _panel(axes: Axes, panel: InCorridor, window: tuple[float, float]) -> None:
     end = min(panel.corridor.until_s, float(panel.t[-1]) + period)
     low, high = window
     _excluded(axes, panel.corridor, end, low, high)
-    axes.axhline(panel.corridor.target, color=FAINT, linewidth=0.7, linestyle=(0, (4, 2)))
+    axes.axhline(panel.corridor.target, color=pen.FAINT, linewidth=0.7, linestyle=(0, (4, 2)))
     # At most 60 responses of a bundle are drawn, evenly taken from those there are.
     for k in np.unique(np.linspace(0, len(bundle) - 1, min(len(bundle), 60)).astype(int)):
         if k != worst:
-            axes.plot(panel.t, _drawn(bundle[k]), color=SIMULATED, linewidth=0.5, alpha=0.35, zorder=2.2)
+            axes.plot(panel.t, _drawn(bundle[k]), color=pen.SIMULATED, linewidth=0.5, alpha=0.35, zorder=2.2)
     _areas(axes, panel, bundle[worst], areas)
     label = "response" if len(bundle) == 1 else f"worst of {len(bundle)} {panel.each}"
     label += _beyond(bundle[worst], low, high)
-    axes.plot(panel.t, _drawn(bundle[worst]), color=SIMULATED, linewidth=1.4, zorder=3, label=label)
+    axes.plot(panel.t, _drawn(bundle[worst]), color=pen.SIMULATED, linewidth=1.4, zorder=3, label=label)
     axes.set_xlim(min(0.0, float(panel.t[0])), end)
     axes.set_ylim(low, high)
     axes.set_xlabel("time since the step, s")
     axes.set_ylabel(panel.label)
-    panel_title(axes, panel.name, panel.remark)
+    pen.panel_title(axes, panel.name, panel.remark)
     handles, labels = axes.get_legend_handles_labels()
     first = [labels.index(label), labels.index("corridor")]
     order = [*first, *(k for k in range(len(labels)) if k not in first)]
-    place: Style = {"loc": "upper center", "bbox_to_anchor": (0.48, -0.23), "borderaxespad": 0.0}
+    place: pen.Style = {"loc": "upper center", "bbox_to_anchor": (0.48, -0.23), "borderaxespad": 0.0}
     ordered = [handles[k] for k in order], [labels[k] for k in order]
     axes.legend(*ordered, ncols=2, fontsize=7, columnspacing=1.2, **place)
 
@@ -169,8 +148,8 @@ def _excluded(axes: Axes, corridor: Corridor, end: float, low: float, high: floa
     for bound, edge in zip(corridor.sampled(grid), (low, high), strict=True):
         if np.isfinite(bound).any():
             edges = np.where(np.isfinite(bound), bound, np.nan)
-            band(axes, grid, edges, edge, SHADE, alpha=0.75, zorder=0.6)
-            axes.plot(grid, edges, color=MEASURED, linewidth=0.9, zorder=2.5, label=label)
+            pen.band(axes, grid, edges, edge, pen.SHADE, alpha=0.75, zorder=0.6)
+            axes.plot(grid, edges, color=pen.MEASURED, linewidth=0.9, zorder=2.5, label=label)
             label = "_"
 
 
@@ -179,15 +158,15 @@ def _areas(axes: Axes, panel: InCorridor, response: Array, areas: Array) -> None
     grid = _fine(panel.corridor, panel.t)
     y = np.interp(grid, panel.t, _drawn(response))
     sides = (
-        ("below", areas[0], np.minimum, SECOND, "////"),
-        ("above", areas[1], np.maximum, RESIDUAL, "\\\\\\\\"),
+        ("below", areas[0], np.minimum, pen.SECOND, "////"),
+        ("above", areas[1], np.maximum, pen.RESIDUAL, "\\\\\\\\"),
     )
     weights = panel.corridor.weight_lower, panel.corridor.weight_upper
     for bound, weight, (word, area, beyond, colour, hatch) in zip(
         panel.corridor.sampled(grid), weights, sides, strict=True
     ):
         edge = np.where(np.isfinite(bound), bound, np.nan)
-        look: Style = {"facecolor": colour, "edgecolor": "white", "hatch": hatch, "linewidth": 0.0}
+        look: pen.Style = {"facecolor": colour, "edgecolor": "white", "hatch": hatch, "linewidth": 0.0}
         label = f"{word}: {_size(float(area), weight)}"
         axes.fill_between(grid, edge, beyond(edge, y), alpha=0.85, zorder=2.0, label=label, **look)
 
@@ -272,10 +251,10 @@ def step_responses(courses: Sequence[Course]) -> Figure:
         raise SimulationError("no step responses to draw; give at least one time course")
     columns = 1 if len(courses) <= 3 else 2  # more courses stand in two, and all of them on a page
     rows = -(-len(courses) // columns)
-    with house_style():
+    with pen.house_style():
         alone = 0.8 if len(courses) == 1 else 0.0  # inches of more height for the only panel
-        figure = new_figure(min(SETTINGS.course_in * rows + 0.5 + alone, SETTINGS.page_in))
-        grid = grid_of(figure, len(courses), columns)
+        figure = pen.new_figure(min(SETTINGS.course_in * rows + 0.5 + alone, SETTINGS.page_in))
+        grid = pen.grid_of(figure, len(courses), columns)
         panels = list(grid.flat)
         for axes, course in zip(panels, courses, strict=False):
             _step_responses_panel(axes, course, narrow=columns > 1)
@@ -289,9 +268,11 @@ def step_responses(courses: Sequence[Course]) -> Figure:
 
 def _step_responses_panel(axes: Axes, course: Course, *, narrow: bool) -> None:
     edges = _corridors(axes, course)
-    line(axes, course.t, course.set_point, color=SECOND, linewidth=1.8, drawstyle="steps-post", zorder=2.1)
+    line(
+        axes, course.t, course.set_point, color=pen.SECOND, linewidth=1.8, drawstyle="steps-post", zorder=2.1
+    )
     low, high = _step_responses_window(course, edges)
-    styles = ((course.before, MEASURED, (0, (3, 1.2)), 1.0), (course.after, SIMULATED, "-", 1.3))
+    styles = ((course.before, pen.MEASURED, (0, (3, 1.2)), 1.0), (course.after, pen.SIMULATED, "-", 1.3))
     for responses, colour, dashes, width in styles:
         bundle = np.atleast_2d(np.asarray(responses, dtype=float))
         bundle = np.where(np.isfinite(bundle), bundle, np.nan)
@@ -300,7 +281,7 @@ def _step_responses_panel(axes: Axes, course: Course, *, narrow: bool) -> None:
             # A span that is mostly wider than the panel would hide all else and say no more than that; one
             # that is wider for less than two fifths of the time is seen.
             if (ends[1] - ends[0] > high - low).mean() < 0.4:
-                band(axes, course.t, *ends, colour, alpha=0.22, zorder=2.2)
+                pen.band(axes, course.t, *ends, colour, alpha=0.22, zorder=2.2)
         line(axes, course.t, bundle[0], color=colour, linewidth=width, linestyle=dashes, zorder=2.4)
     axes.set_xlim(course.t[0], course.t[-1])
     axes.set_ylim(low, high)
@@ -312,12 +293,12 @@ def _step_responses_panel(axes: Axes, course: Course, *, narrow: bool) -> None:
     if not ((first >= low) & (first <= high)).any():
         remark = f"{remark or 'start gains'}, out of view"
     if not narrow:
-        panel_title(axes, course.name, remark)
+        pen.panel_title(axes, course.name, remark)
         return
     # Name and remark have no room beside each other.
     axes.set_title(course.name, loc="left", fontweight="bold", pad=14 if remark else None)
     if remark:
-        axes.text(0.0, 1.03, remark, fontsize=7, color=REMARK, transform=axes.transAxes)
+        axes.text(0.0, 1.03, remark, fontsize=7, color=pen.REMARK, transform=axes.transAxes)
 
 
 def _corridors(axes: Axes, course: Course) -> list[float]:
@@ -330,10 +311,10 @@ def _corridors(axes: Axes, course: Course) -> list[float]:
         times = np.unique(np.concatenate([np.linspace(0.0, last, 240), _jumps(step.corridor, 0.0, last)]))
         bounds = [step.before + (step.after - step.before) * side for side in step.corridor.sampled(times)]
         both = np.isfinite(bounds).all(axis=0)
-        band(axes, step.at_s + times, bounds[0], bounds[1], _CORRIDOR, where=both, zorder=0.6)
+        pen.band(axes, step.at_s + times, bounds[0], bounds[1], _CORRIDOR, where=both, zorder=0.6)
         for bound in bounds:
             finite = np.where(np.isfinite(bound), bound, np.nan)
-            axes.plot(step.at_s + times, finite, color=THIRD, linewidth=0.5, alpha=0.7, zorder=0.7)
+            axes.plot(step.at_s + times, finite, color=pen.THIRD, linewidth=0.5, alpha=0.7, zorder=0.7)
             ends += [float(x) for x in bound[np.isfinite(bound)]]
     return ends
 
@@ -359,15 +340,15 @@ def _step_responses_window(course: Course, edges: Sequence[float]) -> tuple[floa
 
 def _legend(figure: Figure, courses: Sequence[Course]) -> None:
     handles: list[Artist] = [
-        stroke("set point", SECOND, linewidth=1.8),
-        stroke("start gains", MEASURED, linewidth=1.0, linestyle=(0, (3, 1.2))),
-        stroke("tuned", SIMULATED, linewidth=1.3),
+        pen.stroke("set point", pen.SECOND, linewidth=1.8),
+        pen.stroke("start gains", pen.MEASURED, linewidth=1.0, linestyle=(0, (3, 1.2))),
+        pen.stroke("tuned", pen.SIMULATED, linewidth=1.3),
     ]
     if any(np.ndim(course.before) > 1 or np.ndim(course.after) > 1 for course in courses):
-        handles.append(field("span of the samples", SIMULATED, alpha=0.22, linewidth=0.0))
+        handles.append(pen.field("span of the samples", pen.SIMULATED, alpha=0.22, linewidth=0.0))
     if any(course.steps for course in courses):
-        handles.append(field("corridor", _CORRIDOR, edgecolor=THIRD, linewidth=0.5))
-    legend_below(figure, handles, columnspacing=1.4)
+        handles.append(pen.field("corridor", _CORRIDOR, edgecolor=pen.THIRD, linewidth=0.5))
+    pen.legend_below(figure, handles, columnspacing=1.4)
 
 
 def course_of_set_points(plan: ControlProblem) -> tuple[Array, Array]:
@@ -384,10 +365,7 @@ def course_of_set_points(plan: ControlProblem) -> tuple[Array, Array]:
 
 
 def speed_steps(plan: ControlProblem, start: Autopilot, tuned: Autopilot) -> Figure:
-    """Figure of the speed ahead over set points that change, before and after a tuning, heading held.
-
-    The plan's vehicle flies as identified, in still water, with its sensors.
-    """
+    """Figure of the speed ahead over set points, before and after a tuning; still water, heading held."""
     times, levels = course_of_set_points(plan)
     flown = [_flown(plan, autopilot, times, levels) for autopilot in (start, tuned)]
     t: Array = plan.autopilot.period_s * np.arange(float(max(len(speeds) for speeds in flown)))

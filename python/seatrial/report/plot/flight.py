@@ -15,40 +15,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array, Mask, runs
-from seatrial.report.plot.mission import FENCE_DASHES, draw_obstacles, outlines
-from seatrial.report.plot.style import (
-    FAINT,
-    FOURTH,
-    INK,
-    MEASURED,
-    RESIDUAL,
-    SECOND,
-    SIMULATED,
-    THIRD,
-    Style,
-    band,
-    heading,
-    house_style,
-    legend_below,
-    new_figure,
-    page_heading,
-    panel_title,
-    stroke,
-)
+from seatrial.report.plot import style as pen
 from seatrial.report.plot.track import (
     BOTTOM,
+    FENCE_DASHES,
     current_arrow,
+    draw_obstacles,
     extent,
     layout,
     mark_size,
     new_plan,
+    outlines,
     page_legend,
     planned_path,
     profile_axes,
     waypoint_label,
     waypoints,
 )
-from seatrial.report.results.watches import cause
+from seatrial.report.results.flight_findings import cause
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -74,13 +58,13 @@ SETTINGS = CourseSettings()
 
 _EVENT_MARKS = "XPD*v^<>"
 
-_EVENT: Style = {"color": RESIDUAL, "markeredgecolor": "white", "linestyle": "none", "zorder": 6}
+_EVENT: pen.Style = {"color": pen.RESIDUAL, "markeredgecolor": "white", "linestyle": "none", "zorder": 6}
 
 _MODES: tuple[tuple[str, float, Any], ...] = (
-    (THIRD, 2.2, "-"),
-    (SIMULATED, 1.2, "-"),
-    (FOURTH, 1.2, (0, (4, 1.2))),
-    (MEASURED, 1.2, (0, (1.4, 1.2))),
+    (pen.THIRD, 2.2, "-"),
+    (pen.SIMULATED, 1.2, "-"),
+    (pen.FOURTH, 1.2, (0, (4, 1.2))),
+    (pen.MEASURED, 1.2, (0, (1.4, 1.2))),
 )
 
 
@@ -155,7 +139,7 @@ def leg_lines(axes: Axes, flight: Flight, *, numbers: bool = False, room: float 
     few = len(rows) <= SETTINGS.most_legs
     if few:
         for row in rows:
-            axes.axvline(float(flight.t[row]), color=FAINT, linewidth=0.5, zorder=0.9)
+            axes.axvline(float(flight.t[row]), color=pen.FAINT, linewidth=0.5, zorder=0.9)
     if not numbers:
         return
     begins = np.concatenate([[0], rows])
@@ -173,7 +157,7 @@ def leg_lines(axes: Axes, flight: Flight, *, numbers: bool = False, room: float 
 
 def _above(axes: Axes, t: float, text: str) -> None:
     """Small print above a panel."""
-    place: Style = {"xycoords": axes.get_xaxis_transform(), "textcoords": "offset points"}
+    place: pen.Style = {"xycoords": axes.get_xaxis_transform(), "textcoords": "offset points"}
     axes.annotate(text, (t, 1.0), (0, 1.5), ha="center", fontsize=5.5, color="#595959", **place)
 
 
@@ -191,23 +175,23 @@ def events(flight: Flight) -> list[Event]:
 
 def flight_heading(figure: Figure, flight: Flight) -> None:
     """Vehicle and mission above a figure."""
-    heading(figure, f"{flight.vehicle.name}: {flight.mission.name}")
+    pen.heading(figure, f"{flight.vehicle.name}: {flight.mission.name}")
 
 
 def flight_legend(figure: Figure, flight: Flight, handles: Sequence[Artist], columns: int) -> None:
     """Legend below a figure, which says what happened."""
     marks = [
-        stroke(event.words, RESIDUAL, marker=event.mark, linestyle="none", markersize=4)
+        pen.stroke(event.words, pen.RESIDUAL, marker=event.mark, linestyle="none", markersize=4)
         for event in events(flight)
     ]
-    legend_below(figure, [*handles, *marks], columns, fontsize=6.5, columnspacing=1.4)
+    pen.legend_below(figure, [*handles, *marks], columns, fontsize=6.5, columnspacing=1.4)
 
 
 def event_lines(axes: Axes, flight: Flight) -> None:
     """Times of the events, with their markers at the panel's upper edge."""
     for event in events(flight):
-        axes.axvline(event.t_s, color=RESIDUAL, linewidth=0.7, linestyle=(0, (2, 1.5)), zorder=1.2)
-        place: Style = {"transform": axes.get_xaxis_transform(), "clip_on": False}
+        axes.axvline(event.t_s, color=pen.RESIDUAL, linewidth=0.7, linestyle=(0, (2, 1.5)), zorder=1.2)
+        place: pen.Style = {"transform": axes.get_xaxis_transform(), "clip_on": False}
         axes.plot(event.t_s, 0.97, marker=event.mark, markersize=4.0, markeredgewidth=0.4, **_EVENT, **place)
 
 
@@ -224,7 +208,7 @@ def strip_rows(flight: Flight) -> list[tuple[str, Mask, str]]:
         rows.append(("holding", held, "#7A8791"))
     names = {1: "hold", 2: "surface", 3: "abort"}
     rows += [
-        (f"reaction: {name}", flight.alert == level, RESIDUAL)
+        (f"reaction: {name}", flight.alert == level, pen.RESIDUAL)
         for level, name in names.items()
         if (flight.alert == level).any()
     ]
@@ -253,20 +237,20 @@ def flight_track(flight: Flight) -> Figure:
     reach = np.concatenate([path.places[1:] + acceptance[:, None], path.places[1:] - acceptance[:, None]])
     flown = flight.position[np.isfinite(flight.position).all(axis=1)]
     farms = outlines(flight.mission, what.obstacles)
-    corners = extent(path.points, flown, reach, *(_deep(farm) for farm in farms))
+    corners = extent(path.points, flown, reach, *farms)
     page = layout(corners, _labels(flight, path))
-    with house_style():
-        figure = new_figure(page.height, constrained=False)
+    with pen.house_style():
+        figure = pen.new_figure(page.height, constrained=False)
         plan = new_plan(figure, page.plan, corners)
         waypoints(plan, path, acceptance, flown)
         _obstacles(plan, flight, farms)
         _flown(plan, flight)
-        panel_title(
+        pen.panel_title(
             plan.axes, "track", _remark(flight, int(page.plan[2] / SETTINGS.letter_in) - len("track   "))
         )
         profile = profile_axes(figure, page)
         _depth(profile, flight, path)
-        page_heading(figure, f"{flight.vehicle.name}: {flight.mission.name}", below_in=0.13)
+        pen.page_heading(figure, f"{flight.vehicle.name}: {flight.mission.name}", below_in=0.13)
         current_arrow(figure, page, what.current)
         page_legend(figure, (plan.axes, profile), page)
     return figure
@@ -282,11 +266,6 @@ def _labels(flight: Flight, path: PlannedPath) -> list[str]:
     return [*shown, *plan, *depth, *flown, *(event.words for event in events(flight))]
 
 
-def _deep(outline: Array) -> Array:
-    """Outline (n, 2) as places (n, 3)."""
-    return np.column_stack([outline, np.zeros(len(outline))])
-
-
 def _obstacles(plan: Plan, flight: Flight, farms: list[Array]) -> None:
     """What stands in the water, the distance that the mission promises, and where the flight came closest."""
     draw_obstacles(plan, farms)
@@ -298,12 +277,17 @@ def _obstacles(plan: Plan, flight: Flight, farms: list[Array]) -> None:
         )
         places = np.column_stack([norths.ravel(), easts.ravel(), np.zeros(easts.size)])
         reserve = mission.core.clearance(None, places, np.zeros_like(places))[:, 1].reshape(easts.shape)
-        dotted: Style = {"colors": RESIDUAL, "linewidths": 0.8, "linestyles": "dotted"}
+        dotted: pen.Style = {"colors": pen.RESIDUAL, "linewidths": 0.8, "linestyles": "dotted"}
         axes.contour(easts, norths, reserve, levels=[0.0], zorder=1.6, **dotted)
-        axes.plot([], [], ":", color=RESIDUAL, linewidth=0.8, label="promised distance")
+        axes.plot([], [], ":", color=pen.RESIDUAL, linewidth=0.8, label="promised distance")
     if math.isfinite(clear := flight.metrics["clearance_m"]):
         row = int(np.argmin(np.abs(flight.t - flight.metrics["clearance_time_s"])))
-        mark: Style = {"marker": "D", "color": "white", "markeredgecolor": RESIDUAL, "markersize": 5.0}
+        mark: pen.Style = {
+            "marker": "D",
+            "color": "white",
+            "markeredgecolor": pen.RESIDUAL,
+            "markersize": 5.0,
+        }
         label = f"closest: hull {clear:.1f} m away"
         axes.plot(*flight.position[row, [1, 0]], label=label, linestyle="none", zorder=5.5, **mark)
 
@@ -334,15 +318,20 @@ def _flown(plan: Plan, flight: Flight) -> None:
         axes.plot(east, north, label=f"flown: {name}", zorder=3.0 + 0.1 * k, **style)
     held = [round(t / flight.period_s) for t, _ in spans(flight.t, flight.holding & ~flight.done)]
     if held:
-        ring: Style = {"color": "white", "markeredgecolor": INK, "markersize": 4.5, "markeredgewidth": 0.9}
+        ring: pen.Style = {
+            "color": "white",
+            "markeredgecolor": pen.INK,
+            "markersize": 4.5,
+            "markeredgewidth": 0.9,
+        }
         axes.plot(place[held, 1], place[held, 0], "o", label="station kept", zorder=4.5, **ring)
     finite = np.flatnonzero(np.isfinite(place).all(axis=1))
     ends = ((0, "o", "start"), (int(finite[-1]), "s", "end"))
     for row, mark, label in ends:
-        axes.plot(place[row, 1], place[row, 0], mark, color=INK, markersize=4.5, label=label, zorder=5)
+        axes.plot(place[row, 1], place[row, 0], mark, color=pen.INK, markersize=4.5, label=label, zorder=5)
     for event in events(flight):
         row = min(round(event.t_s / flight.period_s), int(finite[-1]))
-        size: Style = {"markersize": 6.0, "markeredgewidth": 0.5}
+        size: pen.Style = {"markersize": 6.0, "markeredgewidth": 0.5}
         east, north = place[row, 1], place[row, 0]
         axes.plot(east, north, marker=event.mark, label=event.words, **size, **_EVENT)
 
@@ -354,10 +343,10 @@ def _depth(axes: Axes, flight: Flight, path: PlannedPath) -> None:
     rows = np.flatnonzero((np.diff(flight.leg) != 0) | (np.diff(flight.done.astype(int)) > 0)) + 1
     planned = path.places[flight.leg[rows - 1] + 1, 2]
     begins, depths = np.append(t[0], t[rows]), np.append(path.places[0, 2], planned)
-    axes.plot(begins, depths, "s", color=MEASURED, markersize=mark_size(len(rows)), zorder=4)
+    axes.plot(begins, depths, "s", color=pen.MEASURED, markersize=mark_size(len(rows)), zorder=4)
     wanted = np.where(flight.done | (flight.alert >= 3), np.nan, flight.desired["depth"])
-    line(axes, t, wanted, color=SECOND, linewidth=1.9, label="desired depth")
-    line(axes, t, depth, color=SIMULATED, linewidth=1.0, label="flown depth")
+    line(axes, t, wanted, color=pen.SECOND, linewidth=1.9, label="desired depth")
+    line(axes, t, depth, color=pen.SIMULATED, linewidth=1.0, label="flown depth")
     finite = depth[np.isfinite(depth)]
     lowest = float(max(np.nanmax(path.places[:, 2]), finite.max()))
     bottom = depth + flight.altitude
@@ -366,11 +355,11 @@ def _depth(axes: Axes, flight: Flight, path: PlannedPath) -> None:
     limit = flight.mission.limits["max_depth_m"]
     air = max(0.06 * lowest, 0.3)
     if np.isfinite(limit) and limit < 1.5 * lowest + 1.0:
-        axes.axhline(limit, color=RESIDUAL, linewidth=0.9, linestyle=FENCE_DASHES, label="depth limit")
+        axes.axhline(limit, color=pen.RESIDUAL, linewidth=0.9, linestyle=FENCE_DASHES, label="depth limit")
         lowest = max(lowest, limit)
     axes.set_ylim(lowest + 1.6 * air, min(float(finite.min()), float(np.nanmin(path.places[:, 2]))) - air)
     if np.isfinite(bottom).any():
-        band(axes, t, bottom, lowest + 1.6 * air, BOTTOM, label="bottom", zorder=0.8)
+        pen.band(axes, t, bottom, lowest + 1.6 * air, BOTTOM, label="bottom", zorder=0.8)
     event_lines(axes, flight)
     axes.set_xlim(t[0], t[-1])
     axes.set_xlabel("time, s")

@@ -19,6 +19,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import SimulationError
 from seatrial.flight.metrics import saturated
 from seatrial.flight.payload import CHANNELS, Phase, properties
+from seatrial.report.plot import style as pen
 from seatrial.report.plot.flight import (
     event_lines,
     flight_heading,
@@ -32,29 +33,8 @@ from seatrial.report.plot.flight import (
     strip_rows,
 )
 from seatrial.report.plot.performance import Motor, motors
-from seatrial.report.plot.style import (
-    ABOVE,
-    CYCLE,
-    FAINT,
-    FORBIDDEN,
-    MEASURED,
-    ON_WHITE,
-    REMARK,
-    RESIDUAL,
-    SECOND,
-    SHADE,
-    SIMULATED,
-    Style,
-    band,
-    blank,
-    field,
-    house_style,
-    new_figure,
-    panel_title,
-    stroke,
-)
 from seatrial.report.plot.track import extent
-from seatrial.report.results.flight_tables import value_text
+from seatrial.report.results.flight import value_text
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -82,8 +62,8 @@ def flight_samples(flight: Flight) -> Figure:
     if samples is None:
         raise SimulationError("expected a flight with a payload, found none; fly it with payload=FILE")
     stops = [stop for stop in samples.stops if stop.label in set(samples.stop)]
-    with house_style():
-        figure = new_figure(4.6)
+    with pen.house_style():
+        figure = pen.new_figure(4.6)
         grid = figure.add_gridspec(len(CHANNELS), 2, width_ratios=(1.25, 1.0))
         plan = figure.add_subplot(grid[:, 0])
         _map(plan, flight, samples, stops)
@@ -118,13 +98,23 @@ def _map(axes: Axes, flight: Flight, samples: Samples, stops: list[StopSamples])
                 places.append([stop])
     for place in places:
         x, y, radius = place[0].position[1].mean, place[0].position[0].mean, _radius(place[0])
-        axes.add_patch(Circle((x, y), radius, fill=False, color=MEASURED, zorder=4))
+        axes.add_patch(Circle((x, y), radius, fill=False, color=pen.MEASURED, zorder=4))
         words = "\n".join(f"{stop.label}: {value_text(stop.values['nitrate_mg_l'], 2)}" for stop in place)
-        look: Style = {"ha": "center", "va": "bottom", "fontsize": 7.0, "bbox": ON_WHITE | {"alpha": 0.75}}
+        look: pen.Style = {
+            "ha": "center",
+            "va": "bottom",
+            "fontsize": 7.0,
+            "bbox": pen.ON_WHITE | {"alpha": 0.75},
+        }
         axes.annotate(words, (x, y + radius), (0.0, 3.0), textcoords="offset points", zorder=5, **look)
     for plume in samples.payload.plumes:
-        axes.plot(plume.east_m, plume.north_m, "v", color=RESIDUAL, markersize=5.0, zorder=5)
-        small: Style = {"textcoords": "offset points", "va": "top", "fontsize": 7.0, "color": RESIDUAL}
+        axes.plot(plume.east_m, plume.north_m, "v", color=pen.RESIDUAL, markersize=5.0, zorder=5)
+        small: pen.Style = {
+            "textcoords": "offset points",
+            "va": "top",
+            "fontsize": 7.0,
+            "color": pen.RESIDUAL,
+        }
         axes.annotate("source", (plume.east_m, plume.north_m), (5.0, -3.0), **small)
     axes.set_xlim(low[1], high[1])
     axes.set_ylim(low[0], high[0])
@@ -165,7 +155,7 @@ def _plumes(axes: Axes, flight: Flight, samples: Samples, low: np.ndarray, high:
     background, most = float(nitrate.min()), float(max(samples.true[:, 0].max(), np.median(nitrate)))
     if most > background:
         levels = np.linspace(background, most, colours + 1)[1:]
-        axes.contour(east, north, nitrate, levels=levels, colors=FAINT, linewidths=0.7, zorder=1)
+        axes.contour(east, north, nitrate, levels=levels, colors=pen.FAINT, linewidths=0.7, zorder=1)
 
 
 def _course(axes: Axes, samples: Samples, stops: list[StopSamples], k: int) -> None:
@@ -175,16 +165,16 @@ def _course(axes: Axes, samples: Samples, stops: list[StopSamples], k: int) -> N
         at = samples.t[(labels == stop.label) & (samples.phase == Phase.SETTLED)]
         if not len(at):
             continue
-        axes.axvspan(float(at[0]), float(at[-1]), color=SHADE, linewidth=0.0, zorder=0)
+        axes.axvspan(float(at[0]), float(at[-1]), color=pen.SHADE, linewidth=0.0, zorder=0)
     deviation = 2.0 * float(np.hypot(samples.payload.noise[k], samples.payload.bias[k]))
     y = samples.values[:, k]
-    band(axes, samples.t, y - deviation, y + deviation, SIMULATED, alpha=0.25)
-    axes.plot(samples.t, y, color=SIMULATED, linewidth=0.7, label="measured, ± two deviations")
-    axes.plot(samples.t, samples.true[:, k], color=MEASURED, linewidth=0.9, label="water at the vehicle")
+    pen.band(axes, samples.t, y - deviation, y + deviation, pen.SIMULATED, alpha=0.25)
+    axes.plot(samples.t, y, color=pen.SIMULATED, linewidth=0.7, label="measured, ± two deviations")
+    axes.plot(samples.t, samples.true[:, k], color=pen.MEASURED, linewidth=0.9, label="water at the vehicle")
     axes.ticklabel_format(useOffset=False)
     axes.margins(x=0.0)
     if k == 0:
-        axes.legend(**ABOVE, ncols=2, fontsize=6.5, frameon=False)
+        axes.legend(**pen.ABOVE, ncols=2, fontsize=6.5, frameon=False)
 
 
 _ERRORS = (
@@ -211,20 +201,20 @@ def flight_errors(flight: Flight) -> Figure:
     """Figure of the errors against the path over time, and of their distribution on settled legs."""
     counts = settled(flight)
     under_way = flight.under_way & ~flight.holding
-    with house_style():
-        figure = new_figure(3.7)
+    with pen.house_style():
+        figure = pen.new_figure(3.7)
         panels = figure.subplots(2, 2, width_ratios=(3.0, 1.0))
         for (key, name, label, sign), (axes, beside) in zip(_ERRORS, panels, strict=True):
             error = np.asarray(flight.errors[key])
-            shade(axes, flight.t, counts, SHADE)
+            shade(axes, flight.t, counts, pen.SHADE)
             leg_lines(axes, flight, numbers=axes is panels[0, 0])
-            axes.axhline(0.0, color=MEASURED, linewidth=0.6, zorder=1)
-            line(axes, flight.t, np.where(under_way, error, np.nan), color=SIMULATED)
+            axes.axhline(0.0, color=pen.MEASURED, linewidth=0.6, zorder=1)
+            line(axes, flight.t, np.where(under_way, error, np.nan), color=pen.SIMULATED)
             event_lines(axes, flight)
             axes.set_ylabel(label)
             axes.set_xlim(flight.t[0], flight.t[-1])
             axes.set_title(name, loc="left", fontweight="bold", pad=9)
-            axes.set_title(sign, loc="right", fontsize=7.5, color=REMARK, pad=9)
+            axes.set_title(sign, loc="right", fontsize=7.5, color=pen.REMARK, pad=9)
             _distribution(beside, error[counts & np.isfinite(error)], label)
         panels[1, 0].set_xlabel("time, s; shaded: settled, the second half of a straight leg")
         flight_heading(figure, flight)
@@ -236,16 +226,16 @@ def _distribution(axes: Axes, error: Array, label: str) -> None:
     axes.set_xlabel(label)
     axes.set_ylabel("share, %")
     if not len(error):
-        panel_title(axes, "settled")
-        blank(axes, "no leg settled")
+        pen.panel_title(axes, "settled")
+        pen.blank(axes, "no leg settled")
         return
     reach = max(float(np.abs(error).max()), 1e-3)
     bins, weights = np.linspace(-reach, reach, 41), np.full(len(error), 100.0 / len(error))
-    axes.hist(error, bins=list(bins), weights=weights, color=SIMULATED, alpha=0.75, linewidth=0)
+    axes.hist(error, bins=list(bins), weights=weights, color=pen.SIMULATED, alpha=0.75, linewidth=0)
     low, high = np.percentile(error, (2.5, 97.5))
     mean = float(error.mean())
     for at, dashes in ((low, (0, (2, 1.5))), (high, (0, (2, 1.5))), (mean, "-")):
-        axes.axvline(at, color=RESIDUAL, linewidth=0.9, linestyle=dashes)
+        axes.axvline(at, color=pen.RESIDUAL, linewidth=0.9, linestyle=dashes)
     axes.set_xlim(-reach, reach)
     axes.set_title("settled", loc="left", fontweight="bold", pad=9)
     axes.set_xlabel(f"{label}\n95 %: {_metres(low)} to {_metres(high)}")
@@ -266,8 +256,8 @@ def flight_actuators(flight: Flight) -> Figure:
     groups = motors(flight.vehicle)
     powered = bool(np.nanmax(np.asarray(flight.power)) > 0.0)  # a vehicle file may tell nothing of it
     rows = len(groups) + int(powered)
-    with house_style():
-        figure = new_figure(1.35 * rows + 0.75)
+    with pen.house_style():
+        figure = pen.new_figure(1.35 * rows + 0.75)
         panels = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
         for k, (motor, axes) in enumerate(zip(groups, panels, strict=False)):
             _group(axes, flight, motor, numbers=k == 0)
@@ -289,7 +279,7 @@ def _group(axes: Axes, flight: Flight, motor: Motor, *, numbers: bool) -> None:
         axes.axhspan(*band, color=_BAND, linewidth=0, zorder=0.6)
     reached = 0.0
     for k, name in enumerate(motor.actuators):
-        colour, dashes = CYCLE[k % len(CYCLE)], _DASHES[k % len(_DASHES)]
+        colour, dashes = pen.CYCLE[k % len(pen.CYCLE)], _DASHES[k % len(_DASHES)]
         command, signal = (
             np.where(flight.done, np.nan, scale * np.asarray(log[name]))
             for log in (flight.commands, flight.actuators)
@@ -301,23 +291,20 @@ def _group(axes: Axes, flight: Flight, motor: Motor, *, numbers: bool) -> None:
     for sign, limit in zip((1.0, -1.0), motor.maximum, strict=True):
         if math.isfinite(limit) and reached > 0.6 * limit:  # else it would flatten the commands
             at = scale * (motor.neutral + sign * limit)
-            axes.axhline(at, color=MEASURED, linewidth=0.8, linestyle=(0, (6, 2)), zorder=1)
+            axes.axhline(at, color=pen.MEASURED, linewidth=0.8, linestyle=(0, (6, 2)), zorder=1)
     event_lines(axes, flight)
-    axes.set_ylabel(f"{'signal' if motor.unit == 'us' else _quantity(motor)}, {unit}")
+    quantity = {"rpm": "revolutions", "N": "force", "rad": "deflection"}.get(motor.unit, "signal")
+    axes.set_ylabel(f"{quantity}, {unit}")
     axes.locator_params(axis="y", nbins=6)
     axes.set_title(motor.group, loc="left", fontweight="bold", pad=9 if numbers else 4)
-    place = ABOVE | {"bbox_to_anchor": (1.0, 1.06 if numbers else 1.0), "borderaxespad": 0.1}
-    tight: Style = {"fontsize": 6.5, "handlelength": 2.0, "columnspacing": 1.2, "labelspacing": 0.2}
+    place = pen.ABOVE | {"bbox_to_anchor": (1.0, 1.06 if numbers else 1.0), "borderaxespad": 0.1}
+    tight: pen.Style = {"fontsize": 6.5, "handlelength": 2.0, "columnspacing": 1.2, "labelspacing": 0.2}
     axes.legend(ncols=min(len(motor.actuators), 6), **place, **tight)
-
-
-def _quantity(motor: Motor) -> str:
-    return {"rpm": "revolutions", "N": "force", "rad": "deflection"}.get(motor.unit, "signal")
 
 
 def _power(axes: Axes, flight: Flight) -> None:
     leg_lines(axes, flight)
-    line(axes, flight.t, np.asarray(flight.power), color=SIMULATED)
+    line(axes, flight.t, np.asarray(flight.power), color=pen.SIMULATED)
     event_lines(axes, flight)
     axes.set_ylabel("power, W")
     axes.set_ylim(bottom=0.0)
@@ -325,17 +312,17 @@ def _power(axes: Axes, flight: Flight) -> None:
     energy = float(flight.energy_wh[-1])
     mean = 3600.0 * energy / max(float(flight.t[-1] - flight.t[0]), 1e-9)
     known = f"{energy:.3g} Wh, {mean:.3g} W on average" if math.isfinite(energy) else ""
-    panel_title(axes, "power", known)
+    pen.panel_title(axes, "power", known)
 
 
 def _actuator_legend(figure: Figure, flight: Flight, groups: list[Motor]) -> None:
     handles: list[Artist] = [
-        stroke("command (broad, pale)", SIMULATED, linewidth=2.2, alpha=0.35),
-        stroke("signal of the actuator", SIMULATED, linewidth=0.9),
-        stroke("largest", MEASURED, linewidth=0.8, linestyle=(0, (6, 2))),
+        pen.stroke("command (broad, pale)", pen.SIMULATED, linewidth=2.2, alpha=0.35),
+        pen.stroke("signal of the actuator", pen.SIMULATED, linewidth=0.9),
+        pen.stroke("largest", pen.MEASURED, linewidth=0.8, linestyle=(0, (6, 2))),
     ]
     if any(max(motor.minimum) > 0.0 for motor in groups):
-        handles.append(field("below the least that turns", _BAND))
+        handles.append(pen.field("below the least that turns", _BAND))
     flight_legend(figure, flight, handles, 4)
 
 
@@ -384,8 +371,8 @@ def flight_loops(flight: Flight) -> Figure:
     """Figure of the loops at work: desired and done, beside it demanded and reached, below it the modes."""
     rows = shown_loops(flight)
     row, strip = 1.02, 0.135 * len(strip_rows(flight)) + 0.12  # heights, inches
-    with house_style():
-        figure = new_figure(row * len(rows) + strip + 1.0)
+    with pen.house_style():
+        figure = pen.new_figure(row * len(rows) + strip + 1.0)
         heights = [row] * len(rows) + [strip]
         panels = figure.subplots(
             len(rows) + 1, 2, sharex=True, width_ratios=(1.25, 1.0), height_ratios=heights, squeeze=False
@@ -408,8 +395,8 @@ def _followed(axes: Axes, flight: Flight, shown: Shown, *, numbers: bool) -> Non
     from matplotlib.ticker import MultipleLocator
 
     leg_lines(axes, flight, numbers=numbers, room=0.045)
-    line(axes, flight.t, shown.desired, color=SECOND, linewidth=1.9)
-    line(axes, flight.t, shown.done, color=SIMULATED, linewidth=1.0)
+    line(axes, flight.t, shown.desired, color=pen.SECOND, linewidth=1.9)
+    line(axes, flight.t, shown.done, color=pen.SIMULATED, linewidth=1.0)
     event_lines(axes, flight)
     axes.set_ylabel(shown.label)
     axes.set_title(_NAMES[shown.index], loc="left", fontweight="bold", pad=9 if numbers else 4)
@@ -429,18 +416,20 @@ def _demand(axes: Axes, flight: Flight, index: int, *, numbers: bool) -> None:
     rows = flight.active[:, index] & ~flight.done
     if not rows.any():
         axes.set_axis_off()
-        blank(axes, "depth by pitch: no force demanded", fontsize=8)
+        pen.blank(axes, "depth by pitch: no force demanded", fontsize=8)
         return
     short = saturated(flight, index) & rows
-    shade(axes, flight.t, short, FORBIDDEN)
+    shade(axes, flight.t, short, pen.FORBIDDEN)
     leg_lines(axes, flight)
-    line(axes, flight.t, np.where(rows, flight.demanded[:, index], np.nan), color=SECOND, linewidth=1.9)
-    line(axes, flight.t, np.where(rows, flight.achieved[:, index], np.nan), color=SIMULATED, linewidth=1.0)
+    line(axes, flight.t, np.where(rows, flight.demanded[:, index], np.nan), color=pen.SECOND, linewidth=1.9)
+    line(
+        axes, flight.t, np.where(rows, flight.achieved[:, index], np.nan), color=pen.SIMULATED, linewidth=1.0
+    )
     event_lines(axes, flight)
     axes.set_ylabel(_FORCES[index])
     share = 100.0 * float(short.sum()) / max(int(rows.sum()), 1)
     remark = f"saturated {share:.0f} % of its time"
-    axes.set_title(remark, loc="right", fontsize=7, color=REMARK, pad=9 if numbers else 4)
+    axes.set_title(remark, loc="right", fontsize=7, color=pen.REMARK, pad=9 if numbers else 4)
     axes.locator_params(axis="y", nbins=5)
     _least(axes, 1.0)
 
@@ -456,8 +445,8 @@ def _least(axes: Axes, span: float) -> None:
 
 def _loop_legend(figure: Figure, flight: Flight) -> None:
     handles = [
-        stroke("desired, demanded", SECOND, linewidth=1.9),
-        stroke("done, reached by the allocation", SIMULATED, linewidth=1.0),
-        field("saturated", FORBIDDEN),
+        pen.stroke("desired, demanded", pen.SECOND, linewidth=1.9),
+        pen.stroke("done, reached by the allocation", pen.SIMULATED, linewidth=1.0),
+        pen.field("saturated", pen.FORBIDDEN),
     ]
     flight_legend(figure, flight, handles, 3)

@@ -18,26 +18,8 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.files import file_name, free_name
+from seatrial.report.plot import style as pen
 from seatrial.report.plot.performance import characteristic
-from seatrial.report.plot.style import (
-    FAINT,
-    INK,
-    RESIDUAL,
-    SECOND,
-    SHADE,
-    SIMULATED,
-    THIRD,
-    Style,
-    grid_of,
-    house_style,
-    legend_below,
-    new_figure,
-    number,
-    panel_title,
-    stroke,
-    symbol,
-    tidy,
-)
 from seatrial.report.plot.trials import measured_against_simulated
 from seatrial.report.plot.vehicle import three_views
 from seatrial.scoring.score import score
@@ -54,7 +36,7 @@ if TYPE_CHECKING:
     from seatrial.scoring.windows import Window
     from seatrial.trial.trial import Trial
 
-_COLOURS = {"identifiable": SIMULATED, "weak": SECOND, "not identifiable": RESIDUAL}
+_COLOURS = {"identifiable": pen.SIMULATED, "weak": pen.SECOND, "not identifiable": pen.RESIDUAL}
 
 
 @dataclass(frozen=True)
@@ -83,15 +65,15 @@ def intervals(assessment: Assessment) -> Figure:
     uncertainty, names = assessment.uncertainty, list(assessment.verdicts)
     places = [uncertainty.names.index(name) for name in names]
     size = np.maximum(np.abs(uncertainty.estimate[places]), 1e-12)
-    with house_style():
-        figure = new_figure(max(3.2, 1.1 + SETTINGS.coefficient_in * len(names)))
+    with pen.house_style():
+        figure = pen.new_figure(max(3.2, 1.1 + SETTINGS.coefficient_in * len(names)))
         left, right = figure.subplots(1, 2, width_ratios=[1.0, 1.15])
         relative = [100.0 * part[places] / size for part in (uncertainty.sigma, uncertainty.naive)]
         _deviations(left, names, *relative, verdicts=assessment.verdicts)
         _correlations(figure, right, names, uncertainty.correlation[np.ix_(places, places)])
-        panel_title(left, "Standard deviations")
+        pen.panel_title(left, "Standard deviations")
         left.set_xlabel(f"% of the estimate, blocks of {uncertainty.block_s:.3g} s")
-        panel_title(right, "Correlations")
+        pen.panel_title(right, "Correlations")
         figure.legend(*left.get_legend_handles_labels(), loc="outside lower left", ncols=4)
     return figure
 
@@ -102,20 +84,20 @@ def _deviations(
     rows = np.arange(len(names))[::-1]
     most = SETTINGS.largest
     shown, plain = (np.minimum(np.nan_to_num(part, posinf=most), most) for part in (sigma, naive))
-    axes.hlines(rows, plain, shown, color=FAINT, linewidth=1.0)
-    axes.plot(plain, rows, "o", color=FAINT, markersize=3.0, label="if samples were independent")
+    axes.hlines(rows, plain, shown, color=pen.FAINT, linewidth=1.0)
+    axes.plot(plain, rows, "o", color=pen.FAINT, markersize=3.0, label="if samples were independent")
     for verdict, colour in _COLOURS.items():
         mine = np.array([verdicts[name] == verdict for name in names])
         if mine.any():
             axes.plot(shown[mine], rows[mine], "o", color=colour, markersize=4.0, label=verdict)
     axes.set_xscale("log")
-    axes.set_yticks(rows, [symbol(name) for name in names])
+    axes.set_yticks(rows, [pen.symbol(name) for name in names])
     axes.set_ylim(-0.5, len(names) - 0.5)  # the rows of the matrix beside it
 
 
 def _correlations(figure: Figure, axes: Axes, names: list[str], matrix: np.ndarray) -> None:
     image = axes.imshow(matrix, vmin=-1.0, vmax=1.0, cmap="RdBu_r", aspect="auto")
-    shown = [symbol(name) for name in names]
+    shown = [pen.symbol(name) for name in names]
     axes.set_xticks(range(len(names)), shown, rotation=90, fontsize=min(7.0, 210.0 / len(names)))
     axes.set_yticks([])
     axes.grid(visible=False)
@@ -133,11 +115,11 @@ def residual_figure(analysis: ResidualAnalysis) -> Figure:
     rows = -(-max(len(shown), 1) // SETTINGS.columns)
     bars = len(analysis.suggestions) + len(analysis.signals)
     lower = 0.55 + SETTINGS.bar_in * max(bars, 1)
-    with house_style():
-        figure = new_figure(0.35 + SETTINGS.channel_in * rows + lower)
+    with pen.house_style():
+        figure = pen.new_figure(0.35 + SETTINGS.channel_in * rows + lower)
         parts = np.asarray(figure.subfigures(2, 1, height_ratios=[SETTINGS.channel_in * rows + 0.3, lower]))
         upper_part, lower_part = parts[0], parts[1]
-        grid = grid_of(upper_part, len(shown), SETTINGS.columns, sharex=True, sharey=True)
+        grid = pen.grid_of(upper_part, len(shown), SETTINGS.columns, sharex=True, sharey=True)
         for axes, channel in zip(grid.flat, shown, strict=False):
             _autocorrelation(axes, channel)
         for axes in grid[:, 0]:
@@ -153,13 +135,13 @@ def residual_figure(analysis: ResidualAnalysis) -> Figure:
 
 
 def _autocorrelation(axes: Axes, channel: Autocorrelation) -> None:
-    axes.axhspan(-channel.band, channel.band, color=SHADE, linewidth=0.0)
-    axes.axhline(0.0, color=FAINT, linewidth=0.6)
+    axes.axhspan(-channel.band, channel.band, color=pen.SHADE, linewidth=0.0)
+    axes.axhline(0.0, color=pen.FAINT, linewidth=0.6)
     coloured = bool((np.abs(channel.rho) > max(SETTINGS.weak, 2.0 * channel.band)).any())
-    axes.plot(channel.lag_s, channel.rho, color=RESIDUAL if coloured else SIMULATED)
+    axes.plot(channel.lag_s, channel.rho, color=pen.RESIDUAL if coloured else pen.SIMULATED)
     axes.set_ylim(-0.4, 1.0)
     axes.set_xlim(0.0, float(channel.lag_s[-1]))
-    panel_title(
+    pen.panel_title(
         axes,
         channel.channel,
         f"{channel.excess:.1f} \N{MULTIPLICATION SIGN} noise, memory {channel.correlation_s:.2g} s",
@@ -176,7 +158,7 @@ def _ranked(axes: Axes, analysis: ResidualAnalysis) -> None:
         (f"{signal.channel} follows {signal.signal}{_lag(signal.lag_s)}", 100.0 * signal.r2)
         for signal in analysis.signals
     ]
-    panel_title(axes, "What would explain it")
+    pen.panel_title(axes, "What would explain it")
     if not entries:
         axes.set_axis_off()
         words = f"None of {analysis.tested} coefficients is missing, and no signal is followed"
@@ -184,11 +166,11 @@ def _ranked(axes: Axes, analysis: ResidualAnalysis) -> None:
         return
     # Two measures share the axis, and colours tell them apart.
     first = len(analysis.suggestions)
-    colours = [SIMULATED] * first + [FAINT] * (len(entries) - first)
+    colours = [pen.SIMULATED] * first + [pen.FAINT] * (len(entries) - first)
     places = np.arange(len(entries))
     axes.barh(places, [value for _, value in entries], color=colours, height=0.62)
     for place, (_, value) in zip(places, entries, strict=True):
-        beside: Style = {"textcoords": "offset points", "va": "center", "fontsize": 7}
+        beside: pen.Style = {"textcoords": "offset points", "va": "center", "fontsize": 7}
         axes.annotate(f"{value:.2g} %", (value, place), (3, 0), **beside)
     axes.set_yticks(places, [name for name, _ in entries])
     axes.set_ylim(len(entries) - 0.5, -0.5)
@@ -219,9 +201,9 @@ def _lag(lag_s: float) -> str:
 
 
 _PHASES = {
-    "evolution": ("evolution strategy", SIMULATED, "-"),
-    "descent": ("Gauss\N{EN DASH}Newton descent", THIRD, (0, (1.2, 0.8))),
-    "simplex": ("simplex", RESIDUAL, (0, (3, 1))),
+    "evolution": ("evolution strategy", pen.SIMULATED, "-"),
+    "descent": ("Gauss\N{EN DASH}Newton descent", pen.THIRD, (0, (1.2, 0.8))),
+    "simplex": ("simplex", pen.RESIDUAL, (0, (3, 1))),
 }
 
 
@@ -234,19 +216,21 @@ def convergence(stages: Sequence[StageResult]) -> Figure:
     """
     columns = min(SETTINGS.columns, max(len(stages), 1))
     rows = -(-max(len(stages), 1) // columns)
-    with house_style():
-        figure = new_figure(0.45 + SETTINGS.stage_in * rows)
-        grid = grid_of(figure, len(stages), columns)
+    with pen.house_style():
+        figure = pen.new_figure(0.45 + SETTINGS.stage_in * rows)
+        grid = pen.grid_of(figure, len(stages), columns)
         for axes, stage in zip(grid.flat, stages, strict=False):
             _panel(axes, stage)
         for axes in grid[:, 0]:
             axes.set_ylabel("cost, sd")
         handles = [
-            stroke(label, colour, linestyle=dashes)
+            pen.stroke(label, colour, linestyle=dashes)
             for phase, (label, colour, dashes) in _PHASES.items()
             if any(step.phase == phase for stage in stages for step in stage.history)
         ]
-        legend_below(figure, [*handles, stroke("optimum", INK, marker="o", linestyle="", markersize=3)])
+        pen.legend_below(
+            figure, [*handles, pen.stroke("optimum", pen.INK, marker="o", linestyle="", markersize=3)]
+        )
     return figure
 
 
@@ -275,14 +259,14 @@ def _panel(axes: Axes, stage: StageResult) -> None:
     positive = seen[np.isfinite(seen) & (seen > 0.0)]
     low, high = 0.8 * positive.min(initial=1.0), 1.25 * positive.max(initial=1.0)
     for number_, (phase, tried, best) in enumerate(phases):
-        _, colour, dashes = _PHASES.get(phase, (phase, FAINT, ":"))
+        _, colour, dashes = _PHASES.get(phase, (phase, pen.FAINT, ":"))
         axes.step(tried, best, where="post", color=colour, linestyle=dashes, linewidth=1.3)
         if number_:
-            axes.axvline(tried[0], 0.0, 0.84, color=FAINT, linewidth=0.8, linestyle=(0, (2, 2)), zorder=1)
+            axes.axvline(tried[0], 0.0, 0.84, color=pen.FAINT, linewidth=0.8, linestyle=(0, (2, 2)), zorder=1)
     if starts:
-        axes.plot(0.0, starts[0], "+", color=INK, markersize=4, clip_on=False, zorder=6)
+        axes.plot(0.0, starts[0], "+", color=pen.INK, markersize=4, clip_on=False, zorder=6)
     if phases:
-        axes.plot(phases[-1][1][-1], stage.cost, "o", color=INK, markersize=3, clip_on=False, zorder=6)
+        axes.plot(phases[-1][1][-1], stage.cost, "o", color=pen.INK, markersize=3, clip_on=False, zorder=6)
     axes.set_yscale("log")
     axes.set_ylim(low, high)
     axes.yaxis.set_major_locator(FixedLocator(np.geomspace(low, high, 5)[1:-1].tolist()))
@@ -291,8 +275,8 @@ def _panel(axes: Axes, stage: StageResult) -> None:
     axes.set_xlim(left=0.0)
     axes.locator_params(axis="x", nbins=4)
     axes.set_xlabel("evaluations")
-    panel_title(axes, stage.name)
-    change = f"$Q$ {number(stage.start_cost)} \N{RIGHTWARDS ARROW} {number(stage.cost)}"
+    pen.panel_title(axes, stage.name)
+    change = f"$Q$ {pen.number(stage.start_cost)} \N{RIGHTWARDS ARROW} {pen.number(stage.cost)}"
     axes.text(0.98, 0.98, change, transform=axes.transAxes, ha="right", va="top", fontsize=7.5)
 
 
@@ -315,8 +299,7 @@ def drawings(fit: Identification) -> dict[str, Callable[[], Figure]]:
 def trial_figure(fit: Identification, name: str) -> Figure:
     """Figure of one trial of an identification, simulated ten seconds ahead again and again.
 
-    The channels are the velocities (and those that a stage weighs) of the axes that were freed on this
-    trial, or of all that any stage freed where the trial is held out as a whole.
+    Channels are the velocities of the freed axes and those that a stage weighs.
     """
     problem = fit.problem
     trial, windows, channels = predicted(fit, name)
@@ -369,7 +352,7 @@ def _scores(fit: Identification, trial: str, channel: str) -> str:
             if row is not None and channel in row and row[channel].blind:
                 scores = ["none, commands react to waves"]
             elif row is not None and channel in row and row[channel].n > 1:
-                scores.append(f"{tidy(row[channel].r2)} ({remark})")
+                scores.append(f"{pen.tidy(row[channel].r2)} ({remark})")
         if scores:
             words.append(f"{label} R\N{SUPERSCRIPT TWO} {', '.join(scores)}")
     return "  |  ".join(words)

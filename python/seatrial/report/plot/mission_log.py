@@ -19,24 +19,8 @@ from seatrial.ardusub.comparison import Replay
 from seatrial.ardusub.from_log import LogTuning
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import CHANNELS, DEGREE, readable
+from seatrial.report.plot import style as pen
 from seatrial.report.plot.flight import line
-from seatrial.report.plot.style import (
-    FAINT,
-    INK,
-    MEASURED,
-    REMARK,
-    RESIDUAL,
-    SIMULATED,
-    THIRD,
-    Style,
-    band,
-    blank,
-    heading,
-    house_style,
-    legend_below,
-    new_figure,
-    panel_title,
-)
 from seatrial.verification.mission_log.verdict import QUANTITIES
 
 if TYPE_CHECKING:
@@ -74,26 +58,35 @@ def envelope_page(verdict: LogVerdict) -> Figure:
     """Figure of the closed-loop envelope with the log in it, samples outside marked."""
     envelope = verdict.envelope
     assert envelope is not None
-    with house_style():
-        figure = new_figure(0.75 + 1.15 * len(envelope.bands))
+    with pen.house_style():
+        figure = pen.new_figure(0.75 + 1.15 * len(envelope.bands))
         panels = np.atleast_1d(figure.subplots(len(envelope.bands), 1, sharex=True))
         for axes, (name, own) in zip(panels, envelope.bands.items(), strict=True):
             words, unit = QUANTITIES[name]
             scale = 1.0 / DEGREE if unit == "rad" else 1.0
             unit = "deg" if unit == "rad" else unit
             _shade(axes, envelope.t, scale * own.lower, scale * own.upper, "95 % of the flights")
-            line(axes, envelope.t, scale * own.middle, color=SIMULATED, linewidth=0.9, label="median flight")
-            line(axes, envelope.t, scale * own.log, color=MEASURED, linewidth=0.9, label="log")
+            line(
+                axes,
+                envelope.t,
+                scale * own.middle,
+                color=pen.SIMULATED,
+                linewidth=0.9,
+                label="median flight",
+            )
+            line(axes, envelope.t, scale * own.log, color=pen.MEASURED, linewidth=0.9, label="log")
             _dots(axes, envelope.t, scale * own.log, own.is_outside)
             axes.set_ylabel(unit)
             _sensible(axes, scale * np.concatenate([own.lower, own.upper, own.log]))
-            panel_title(axes, words, f"{100.0 * own.outside:.0f} % of the log outside")
+            pen.panel_title(axes, words, f"{100.0 * own.outside:.0f} % of the log outside")
             if name == "depth":
                 axes.invert_yaxis()
         panels[-1].set_xlabel("time since the start, s")
         panels[-1].set_xlim(envelope.t[0], envelope.t[-1])
-        legend_below(figure, panels[0].get_legend_handles_labels()[0], fontsize=7)
-        heading(figure, f"{verdict.log.trial.name}: the log in the envelope of {envelope.flights} flights")
+        pen.legend_below(figure, panels[0].get_legend_handles_labels()[0], fontsize=7)
+        pen.heading(
+            figure, f"{verdict.log.trial.name}: the log in the envelope of {envelope.flights} flights"
+        )
     return figure
 
 
@@ -106,8 +99,8 @@ def residual_page(verdict: LogVerdict) -> Figure:
     log = judged.log
     # Each window ends with a blank, so that lines break where the model restarts.
     t = np.concatenate([np.append(log.times(w), log.times(w)[-1]) for w in range(len(log.spans))])
-    with house_style():
-        figure = new_figure(0.85 + 1.0 * rows)
+    with pen.house_style():
+        figure = pen.new_figure(0.85 + 1.0 * rows)
         panels = figure.subplots(rows, 2, sharex=True, squeeze=False)
         for place, name in enumerate(names):
             axes = panels[place % rows, place // rows]
@@ -119,28 +112,28 @@ def residual_page(verdict: LogVerdict) -> Figure:
             half = _broken([b[:, k] for b in judged.half_width])
             error, half = scale * error, scale * half
             _shade(axes, t, -half, half, "95 % band of the model")
-            line(axes, t, error, color=MEASURED, linewidth=0.6, label="measured less predicted")
+            line(axes, t, error, color=pen.MEASURED, linewidth=0.6, label="measured less predicted")
             # Gaps between windows are not numbers, and no sample of them is outside.
             with np.errstate(invalid="ignore"):
                 _dots(axes, t, error, np.abs(error) > half)
-            axes.set_ylabel(f"{name}, {unit}", color=RESIDUAL if channel.fails else INK)
+            axes.set_ylabel(f"{name}, {unit}", color=pen.RESIDUAL if channel.fails else pen.INK)
             _sensible(axes, np.concatenate([error, half, -half]))
             p = f"p = {channel.p:.2g}" if channel.p >= 1e-4 else "p < 0.0001"
-            panel_title(
+            pen.panel_title(
                 axes, "fails" if channel.fails else "", f"{100.0 * channel.outside:.1f} % outside, {p}"
             )
             if channel.fails:
-                axes.title.set_color(RESIDUAL)
-                axes.set_title("fails", loc="left", fontweight="bold", color=RESIDUAL)
+                axes.title.set_color(pen.RESIDUAL)
+                axes.set_title("fails", loc="left", fontweight="bold", color=pen.RESIDUAL)
         for axes in panels.ravel()[len(names) :]:
             axes.set_visible(False)
         for axes in panels[-1]:
             axes.set_xlabel("time, s")
         panels[0, 0].set_xlim(t[0], t[-1])
-        legend_below(figure, panels[0, 0].get_legend_handles_labels()[0], fontsize=7)
+        pen.legend_below(figure, panels[0, 0].get_legend_handles_labels()[0], fontsize=7)
         ahead = log.since_restart(0)[-1]
         title = f"{verdict.log.trial.name}: measured less predicted, restarted every {ahead:.3g} s"
-        heading(figure, title)
+        pen.heading(figure, title)
     return figure
 
 
@@ -149,23 +142,23 @@ def suspect_bars(verdict: LogVerdict) -> Figure:
     import textwrap
 
     shown = verdict.suspects[:8]  # bars of a page, the likeliest first
-    with house_style():
-        figure = new_figure(0.9 + 0.42 * len(shown))
+    with pen.house_style():
+        figure = pen.new_figure(0.9 + 0.42 * len(shown))
         axes = figure.subplots()
         rows = np.arange(len(shown))
         left = [suspect.left for suspect in shown]
         before = left[0] / max(1.0 - shown[0].gain, 1e-12) ** 0.5
-        colours = [THIRD if k == 0 else SIMULATED for k in rows]
+        colours = [pen.THIRD if k == 0 else pen.SIMULATED for k in rows]
         axes.barh(rows, left, color=colours, height=0.55, alpha=0.85, linewidth=0)
-        axes.axvline(1.0, color=MEASURED, linewidth=0.8, linestyle=(0, (3, 2)))
-        axes.axvline(before, color=RESIDUAL, linewidth=1.0)
+        axes.axvline(1.0, color=pen.MEASURED, linewidth=0.8, linestyle=(0, (3, 2)))
+        axes.axvline(before, color=pen.RESIDUAL, linewidth=1.0)
         ends = axes.get_xaxis_transform()
-        axes.text(1.0, 1.01, "as a valid model", transform=ends, fontsize=6.5, color=MEASURED, ha="right")
-        axes.text(before, 1.01, "model as it is", transform=ends, fontsize=6.5, color=RESIDUAL, ha="left")
+        axes.text(1.0, 1.01, "as a valid model", transform=ends, fontsize=6.5, color=pen.MEASURED, ha="right")
+        axes.text(before, 1.01, "model as it is", transform=ends, fontsize=6.5, color=pen.RESIDUAL, ha="left")
         for row, suspect in zip(rows, shown, strict=True):
             share = f"{100.0 * suspect.gain:.{1 if suspect.gain > 0.99 else 0}f} %"
             x = max(suspect.left, 1.0) + 0.012 * before
-            look: Style = {"ha": "left", "color": REMARK}
+            look: pen.Style = {"ha": "left", "color": pen.REMARK}
             if suspect.left > 0.2 * before:  # beside a long bar it would cross the line of the model
                 x, look = suspect.left - 0.012 * before, {"ha": "right", "color": "white"}
             axes.text(x, float(row), share, va="center", fontsize=6.5, **look)
@@ -175,19 +168,19 @@ def suspect_bars(verdict: LogVerdict) -> Figure:
         axes.grid(False, axis="y")
         axes.set_xlim(0.0, 1.25 * max(before, 1.0))
         axes.set_xlabel("error left, over a valid model's; at its end the share explained")
-        heading(figure, f"{verdict.log.trial.name}: what may have changed")
+        pen.heading(figure, f"{verdict.log.trial.name}: what may have changed")
     return figure
 
 
 def _shade(axes: Axes, t: Array, lower: Array, upper: Array, label: str) -> None:
     every = max(1, len(t) // 4000)
-    band(axes, t[::every], lower[::every], upper[::every], _BAND, zorder=0.6, label=label)
+    pen.band(axes, t[::every], lower[::every], upper[::every], _BAND, zorder=0.6, label=label)
 
 
 def _dots(axes: Axes, t: Array, y: Array, mask: Mask) -> None:
     at, values = t[mask], y[mask]
     every = max(1, len(at) // 1500)  # markers of a panel: more are one blot
-    dot: Style = {"linestyle": "none", "marker": ".", "markersize": 1.8, "color": RESIDUAL}
+    dot: pen.Style = {"linestyle": "none", "marker": ".", "markersize": 1.8, "color": pen.RESIDUAL}
     axes.plot(at[::every], values[::every], label="log outside", zorder=3, **dot)
 
 
@@ -195,7 +188,7 @@ def _sensible(axes: Axes, values: Array) -> None:
     """Limits that hold what matters of the values: a turn on the spot must not flatten a mission."""
     good = values[np.isfinite(values)]
     if not len(good):
-        blank(axes, "the log has no samples of it", color=FAINT)
+        pen.blank(axes, "the log has no samples of it", color=pen.FAINT)
         return
     # A fortieth at either end may leave the panel, beyond half of the span that the others take.
     low, high = np.quantile(good, (0.025, 0.975))
@@ -219,22 +212,22 @@ def replay_figure(replay: Replay) -> Figure:
     spare = 3
     unmet = [quantity for quantity in replay.quantities if not quantity.holds and quantity not in chosen]
     chosen = sorted([*chosen, *unmet[:spare]] or replay.quantities[:spare], key=replay.quantities.index)
-    with house_style():
-        figure = new_figure(0.6 + 1.25 * len(chosen))
+    with pen.house_style():
+        figure = pen.new_figure(0.6 + 1.25 * len(chosen))
         panels = figure.subplots(len(chosen), 2, sharex=True, squeeze=False, width_ratios=(2.0, 1.0))
         for (left, right), quantity in zip(panels, chosen, strict=True):
             t = quantity.t - replay.quantities[0].t[0]
             shown = np.where(quantity.judged, quantity.replayed, np.nan)
-            left.plot(t, quantity.logged, color=MEASURED, label="logged")
-            left.plot(t, shown, color=SIMULATED, linestyle="--", label="replayed")
-            right.plot(t, shown - quantity.logged, color=RESIDUAL, linewidth=0.6)
+            left.plot(t, quantity.logged, color=pen.MEASURED, label="logged")
+            left.plot(t, shown, color=pen.SIMULATED, linestyle="--", label="replayed")
+            right.plot(t, shown - quantity.logged, color=pen.RESIDUAL, linewidth=0.6)
             most = 1.3 * max(float(np.nanmax(np.abs(shown - quantity.logged))), quantity.limit)
             right.axhspan(-quantity.limit, quantity.limit, color="0.92", zorder=0)
             right.set_ylim(-most, most)
             printed = quantity.unit.replace("us", "µs").replace("m/s2", "m/s²")
             unit = "" if quantity.unit == "1" else f", {printed}"
-            panel_title(left, f"{quantity.controller}: {quantity.name}{unit}")
-            panel_title(right, f"difference, limit {quantity.limit:.2g}")
+            pen.panel_title(left, f"{quantity.controller}: {quantity.name}{unit}")
+            pen.panel_title(right, f"difference, limit {quantity.limit:.2g}")
             right.locator_params(axis="x", nbins=4)
         panels[0, 0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2)
         for panel in panels[-1]:
@@ -253,8 +246,8 @@ def _first(replay: Replay, kind: str) -> Quantity | None:
 def envelope_figure(tuning: LogTuning) -> Figure:
     """Figure of the log's loop errors in the envelope of the flights, a row per channel."""
     shares = tuning.reflight.shares
-    with house_style():
-        figure = new_figure(0.8 + 1.15 * len(shares))
+    with pen.house_style():
+        figure = pen.new_figure(0.8 + 1.15 * len(shares))
         panels = np.atleast_1d(figure.subplots(len(shares), 1, sharex=True))
         first = min(float(envelope.t[0]) for envelope in tuning.reflight.envelopes)
         for panel, share in zip(panels, shares, strict=True):
@@ -262,9 +255,9 @@ def envelope_figure(tuning: LogTuning) -> Figure:
             for k, envelope in enumerate(own):
                 t = envelope.t - first
                 words = ("95 % of the flights", "median", "log") if k == 0 else (None, None, None)
-                band(panel, t, envelope.lower, envelope.upper, SIMULATED, alpha=0.25, label=words[0])
-                panel.plot(t, envelope.middle, color=SIMULATED, linewidth=0.7, label=words[1])
-                panel.plot(t, envelope.measured, color=MEASURED, linewidth=0.7, label=words[2])
+                pen.band(panel, t, envelope.lower, envelope.upper, pen.SIMULATED, alpha=0.25, label=words[0])
+                panel.plot(t, envelope.middle, color=pen.SIMULATED, linewidth=0.7, label=words[1])
+                panel.plot(t, envelope.measured, color=pen.MEASURED, linewidth=0.7, label=words[2])
                 if envelope.held_out.any():
                     kept_out = t[envelope.held_out]
                     panel.axvspan(float(kept_out[0]), float(kept_out[-1]), color="0.94", zorder=0)
@@ -276,7 +269,7 @@ def envelope_figure(tuning: LogTuning) -> Figure:
             outside = share.fit if np.isnan(share.held_out) else share.held_out
             unit = share.unit.replace("deg", "°")
             title = f"{share.channel} error, {unit}: {100 * outside:.1f} % of the held-out rows outside"
-            panel_title(panel, title)
+            pen.panel_title(panel, title)
         panels[0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3)
         panels[-1].set_xlabel("time, s (grey: held out)")
     return figure
@@ -289,8 +282,8 @@ def steps_figure(tuning: LogTuning) -> Figure:
     names = list(tuning.before.bands)
     slew = slew_of(tuning.parameters)
     corridors = corridors_of(tuning.rise_s, size_deg=SIZES_DEG[0], slew_deg_s=slew)
-    with house_style():
-        figure = new_figure(0.8 + 1.5 * len(names))
+    with pen.house_style():
+        figure = pen.new_figure(0.8 + 1.5 * len(names))
         panels = figure.subplots(len(names), 2, sharex=True, sharey="row", squeeze=False)
         for name, row in zip(names, panels, strict=True):
             for panel, missions, words in zip(
@@ -299,14 +292,16 @@ def steps_figure(tuning: LogTuning) -> Figure:
                 least, low, middle, high, largest = missions.bands[name]
                 t = missions.since
                 lower, upper = corridors[name].sampled(t)
-                band(panel, t, least, largest, SIMULATED, alpha=0.15, label="all missions")
-                band(panel, t, low, high, SIMULATED, alpha=0.3, label="95 %")
-                panel.plot(t, middle, color=SIMULATED, linewidth=0.9, label="median")
+                pen.band(panel, t, least, largest, pen.SIMULATED, alpha=0.15, label="all missions")
+                pen.band(panel, t, low, high, pen.SIMULATED, alpha=0.3, label="95 %")
+                panel.plot(t, middle, color=pen.SIMULATED, linewidth=0.9, label="median")
                 panel.step(t, lower, color="0.2", linewidth=0.8, where="post", label="corridor")
                 panel.step(t, upper, color="0.2", linewidth=0.8, where="post")
                 panel.set_ylim(-0.4, 1.6)
                 worst, _, share = missions.row(name)
-                panel_title(panel, f"{name}, {words}: worst {worst:.2f} s, in corridor {100 * share:.0f} %")
+                pen.panel_title(
+                    panel, f"{name}, {words}: worst {worst:.2f} s, in corridor {100 * share:.0f} %"
+                )
         for panel in panels[-1]:
             panel.set_xlabel("time since the step, s")
         panels[0, 1].legend(loc="lower right", ncols=2)

@@ -17,20 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from seatrial.base.arrays import Array
-from seatrial.report.plot.style import (
-    ABOVE,
-    COLUMN_IN,
-    CYCLE,
-    FAINT,
-    INK,
-    WIDTH_IN,
-    Style,
-    grid_of,
-    house_style,
-    new_figure,
-    page_heading,
-    panel_title,
-)
+from seatrial.report.plot import style as pen
 from seatrial.vehicle.actuators import NOMINAL_V, largest, settling_s, voltage_for
 from seatrial.vehicle.steady_state import (
     KNOT_M_S,
@@ -152,7 +139,7 @@ class PerformanceFigureSettings:
 
 SETTINGS = PerformanceFigureSettings()
 
-_ABOVE: Style = {**ABOVE, "ncols": 2, "borderaxespad": 0.0, "fontsize": 6.5}
+_ABOVE: pen.Style = {**pen.ABOVE, "ncols": 2, "borderaxespad": 0.0, "fontsize": 6.5}
 
 _DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.5, 1.2, 1.5)))
 
@@ -186,9 +173,9 @@ def performance(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> Figure | N
     if rows[-1].endurance_h is not None:
         curves.append(_range)
     page = SETTINGS
-    with house_style():
-        wide = WIDTH_IN if turning else page.left + page.wide + page.axis
-        figure = new_figure(page.height, width_in=wide, constrained=False)
+    with pen.house_style():
+        wide = pen.WIDTH_IN if turning else page.left + page.wide + page.axis
+        figure = pen.new_figure(page.height, width_in=wide, constrained=False)
 
         def panel(left: float, bottom: float, width: float, height: float) -> Axes:
             box = (left / wide, bottom / page.height, width / wide, height / page.height)
@@ -216,7 +203,9 @@ def performance(vehicle: Vehicle, *, voltage_v: float = NOMINAL_V) -> Figure | N
                 title="inner side from the dot on: steady radius and rate",
                 title_fontsize=7.5,
             )
-        page_heading(figure, f"{vehicle.name}: speed and turning" if turning else f"{vehicle.name}: speed")
+        pen.page_heading(
+            figure, f"{vehicle.name}: speed and turning" if turning else f"{vehicle.name}: speed"
+        )
     return figure
 
 
@@ -259,13 +248,9 @@ def _to_kn(speed: ArrayLike) -> Array:
     return np.asarray(speed, dtype=float) / KNOT_M_S
 
 
-def _from_kn(speed: ArrayLike) -> Array:
-    return np.asarray(speed, dtype=float) * KNOT_M_S
-
-
 def _over_command(axes: Axes, rows: Sequence[Speed], values: ArrayLike, **look: Any) -> Line2D:
     """Curve of a quantity over the command of the actuators that drive ahead."""
-    (curve,) = axes.plot([row.command for row in rows], values, **{"color": CYCLE[0], **look})
+    (curve,) = axes.plot([row.command for row in rows], values, **{"color": pen.CYCLE[0], **look})
     return curve
 
 
@@ -280,21 +265,21 @@ def _speed(axes: Axes, rows: tuple[Speed, ...], held: list[Speed], vehicle: Vehi
     _over_command(axes, rows, [row.speed_m_s for row in rows])
     _over_command(axes, held, [row.speed_m_s for row in held], marker="o", linestyle="none", markersize=3)
     _from_zero(axes, "speed, m/s")
-    knots = axes.secondary_yaxis("right", functions=(_to_kn, _from_kn))
+    knots = axes.secondary_yaxis("right", functions=(_to_kn, lambda kn: np.asarray(kn) * KNOT_M_S))
     knots.set_ylabel("kn")
     # At the heights of the ticks at the left: one grid for both.
     knots.set_yticks(_to_kn([tick for tick in axes.get_yticks() if tick <= axes.get_ylim()[1]]))
     knots.yaxis.set_major_formatter(lambda speed, _: f"{speed:.1f}")
     knots.spines["right"].set_visible(True)
     remark = ", ".join(f"{row.speed_kn:g}" for row in held)
-    panel_title(axes, "speed", f"dots at {remark} kn" if held else "")
+    pen.panel_title(axes, "speed", f"dots at {remark} kn" if held else "")
 
 
 def _thrust(axes: Axes, rows: tuple[Speed, ...], held: list[Speed], vehicle: Vehicle) -> None:
     _over_command(axes, rows, [row.thrust_n for row in rows])
     _over_command(axes, held, [row.thrust_n for row in held], marker="o", linestyle="none", markersize=3)
     _from_zero(axes, "thrust, N")
-    panel_title(axes, "thrust at that speed")
+    pen.panel_title(axes, "thrust at that speed")
 
 
 def _power(axes: Axes, rows: tuple[Speed, ...], held: list[Speed], vehicle: Vehicle) -> None:
@@ -305,7 +290,7 @@ def _power(axes: Axes, rows: tuple[Speed, ...], held: list[Speed], vehicle: Vehi
         _over_command(axes, rows, power + hotel, linestyle=_DASHES[1], label=f"with {hotel:g} W hotel load")
         axes.legend(**_ABOVE)
     _from_zero(axes, "power, W")
-    panel_title(axes, "power")
+    pen.panel_title(axes, "power")
 
 
 def _range(axes: Axes, rows: tuple[Speed, ...], held: list[Speed], vehicle: Vehicle) -> None:
@@ -313,7 +298,7 @@ def _range(axes: Axes, rows: tuple[Speed, ...], held: list[Speed], vehicle: Vehi
     far = _over_command(axes, rows, [row.range_km or 0.0 for row in rows], label=f"range with {battery:g} Wh")
     _from_zero(axes, "range, km")
     hours = axes.twinx()
-    look: Style = {"color": CYCLE[5], "linestyle": _DASHES[1]}
+    look: pen.Style = {"color": pen.CYCLE[5], "linestyle": _DASHES[1]}
     long = _over_command(hours, rows, [row.endurance_h or 0.0 for row in rows], label="endurance", **look)
     hours.set_ylabel("endurance, h")
     hours.set_ylim(bottom=0.0)
@@ -321,7 +306,7 @@ def _range(axes: Axes, rows: tuple[Speed, ...], held: list[Speed], vehicle: Vehi
     hours.spines["right"].set_visible(True)
     _as_left(axes, hours)
     axes.legend(handles=[far, long], **_ABOVE)
-    panel_title(axes, "range")
+    pen.panel_title(axes, "range")
 
 
 def _as_left(axes: Axes, right: Axes) -> None:
@@ -337,20 +322,22 @@ def _as_left(axes: Axes, right: Axes) -> None:
 
 def _circles(axes: Axes, vehicle: Vehicle, turning: tuple[Turn, ...], voltage_v: float) -> None:
     widest = max(turn.radius_m for turn in turning)
-    for turn, colour, dashes in zip(turning, (CYCLE[0], CYCLE[5], CYCLE[2], INK), _DASHES, strict=False):
+    for turn, colour, dashes in zip(
+        turning, (pen.CYCLE[0], pen.CYCLE[5], pen.CYCLE[2], pen.INK), _DASHES, strict=False
+    ):
         path = track(vehicle, turn, voltage_v=voltage_v)
         digits = 2 if turn.radius_m < 10.0 else 1
         label = f"{_LABELS[turn.kind]}: {turn.radius_m:.{digits}f} m, {abs(turn.rate_deg_s):.1f}°/s"
         axes.plot(path[:, 1], path[:, 0], color=colour, linestyle=dashes, label=label)
-    axes.plot([0.0, 0.0], [-0.6 * widest, 0.0], color=FAINT, linewidth=1.6, zorder=1)
-    axes.plot(0.0, 0.0, "o", color=INK, markersize=3.5, zorder=5)
+    axes.plot([0.0, 0.0], [-0.6 * widest, 0.0], color=pen.FAINT, linewidth=1.6, zorder=1)
+    axes.plot(0.0, 0.0, "o", color=pen.INK, markersize=3.5, zorder=5)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("transfer to starboard, m")
     axes.set_ylabel("advance, m")
     facts = vehicle.actuator_info()
     first, sense = next(iter(drivers(vehicle).items()))
     outer = SETTINGS.turn_share * largest(facts[first], sense)
-    panel_title(axes, "turning circles", f"outer side at {outer:.4g} {facts[first]['unit']}")
+    pen.panel_title(axes, "turning circles", f"outer side at {outer:.4g} {facts[first]['unit']}")
 
 
 def characteristic(
@@ -367,12 +354,14 @@ def characteristic(
     columns = min(len(panels), 3)
     rows = -(-len(panels) // columns)
     labels = dict.fromkeys(label for panel in panels for label, _ in panel.curves)
-    looks = dict(zip(labels, zip(cycle(CYCLE), cycle((*_DASHES, *_DASHES[:2])), strict=False), strict=False))
-    with house_style():
-        figure = new_figure(0.3 + 2.5 * rows, width_in=COLUMN_IN if columns == 1 else WIDTH_IN)
+    looks = dict(
+        zip(labels, zip(cycle(pen.CYCLE), cycle((*_DASHES, *_DASHES[:2])), strict=False), strict=False)
+    )
+    with pen.house_style():
+        figure = pen.new_figure(0.3 + 2.5 * rows, width_in=pen.COLUMN_IN if columns == 1 else pen.WIDTH_IN)
         drawn = {}
         # One look per label through all panels, so that one legend serves them.
-        for axes, panel in zip(grid_of(figure, len(panels), columns).flat, panels, strict=False):
+        for axes, panel in zip(pen.grid_of(figure, len(panels), columns).flat, panels, strict=False):
             facts = vehicle.actuator_info()[panel.name]
             fin, neutral = facts["kind"] == "fin", float(facts["neutral"])
             unit = {"us": "\N{MICRO SIGN}s", "rad": "deg"}.get(str(facts["unit"]), str(facts["unit"]))
@@ -380,13 +369,13 @@ def characteristic(
             for label, force in panel.curves:
                 colour, dashes = looks[label]
                 (drawn[label],) = axes.plot(shown, force, color=colour, linestyle=dashes)
-            axes.axhline(0.0, color=INK, linewidth=0.5)
-            axes.axvline(0.0, color=INK, linewidth=0.5)
+            axes.axhline(0.0, color=pen.INK, linewidth=0.5)
+            axes.axvline(0.0, color=pen.INK, linewidth=0.5)
             from_neutral = f" from neutral ({neutral:g} {unit})" if neutral else ""
             axes.set_xlabel(f"command{from_neutral}, {unit}")
             axes.set_ylabel("fin force, N" if fin else "thrust, N")
             axes.locator_params(nbins=6 if columns < 3 else 5)
-            panel_title(axes, ", ".join(panel.groups), f"as {panel.name}")
+            pen.panel_title(axes, ", ".join(panel.groups), f"as {panel.name}")
         figure.legend(drawn.values(), drawn, loc="outside lower center", ncols=3)
     return figure
 

@@ -19,29 +19,8 @@ from seatrial.base.files import file_name, free_name
 from seatrial.experiment.forecast import SETTINGS as FORECAST_SETTINGS
 from seatrial.experiment.forecast import simulated, uneven
 from seatrial.experiment.plan import Plan
+from seatrial.report.plot import style as pen
 from seatrial.report.plot.flight import line
-from seatrial.report.plot.style import (
-    ABOVE,
-    CYCLE,
-    FAINT,
-    FOURTH,
-    HULL,
-    INK,
-    REMARK,
-    SECOND,
-    SHADE,
-    SIMULATED,
-    THIRD,
-    Style,
-    field,
-    house_style,
-    joined,
-    legend_below,
-    new_figure,
-    panel_title,
-    stroke,
-)
-from seatrial.report.plot.style import heading as figure_heading
 from seatrial.vehicle.actuators import NOMINAL_V, actuator_groups, largest
 
 if TYPE_CHECKING:
@@ -103,33 +82,33 @@ def recording(
     shown = [(title, unit, channels) for title, unit, channels in shown if channels]
     kinds = _command_panels(trial, units or {})
     marks = marks if len(marks) <= 60 else ()  # more lines would cover each other
-    with house_style():
+    with pen.house_style():
         count = len(shown) + len(kinds)
-        figure = new_figure(0.95 + 1.05 * max(count, 1))
+        figure = pen.new_figure(0.95 + 1.05 * max(count, 1))
         grid = figure.subplots(max(count, 1), 1, sharex=True, squeeze=False)[:, 0]
         for axes, (title, unit, channels) in zip(grid, shown, strict=False):
             for k, channel in enumerate(channels):
-                line(axes, trial.t, _values(trial, channel), color=CYCLE[k], linewidth=0.8, label=channel)
+                line(axes, trial.t, _values(trial, channel), color=pen.CYCLE[k], linewidth=0.8, label=channel)
             _finish(axes, title, unit, len(channels) > 1)
         for axes, (title, unit, values) in zip(grid[len(shown) :], kinds, strict=True):
             for k, (name, y) in enumerate(values.items()):
-                look: Style = {"color": CYCLE[k % len(CYCLE)], "drawstyle": "steps-post"}
-                look["linestyle"] = "-" if k < len(CYCLE) else (0, (4, 1.5))
+                look: pen.Style = {"color": pen.CYCLE[k % len(pen.CYCLE)], "drawstyle": "steps-post"}
+                look["linestyle"] = "-" if k < len(pen.CYCLE) else (0, (4, 1.5))
                 line(axes, trial.t, y, linewidth=0.7, label=name, **look)
-            _finish(axes, title, unit, 1 < len(values) <= 2 * len(CYCLE))
+            _finish(axes, title, unit, 1 < len(values) <= 2 * len(pen.CYCLE))
         named = len(marks) <= 8  # more names would cover each other
         for axes in grid:
-            _shade(axes, windows, HULL)
-            _shade(axes, held_out, SHADE)
+            _shade(axes, windows, pen.HULL)
+            _shade(axes, held_out, pen.SHADE)
             for at, _ in marks:
-                axes.axvline(at, color=FAINT, linewidth=0.7, linestyle=(0, (3, 2)), zorder=1)
+                axes.axvline(at, color=pen.FAINT, linewidth=0.7, linestyle=(0, (3, 2)), zorder=1)
         if named:
             _names(grid[0], marks, trial)
         grid[-1].set_xlabel("time, s")
         grid[-1].set_xlim(trial.t[0], trial.t[-1])
         figure.align_ylabels(list(grid))
         _legend(figure, held_out, windows, marks)
-        figure_heading(figure, f"Recording {heading}" if heading else "", fontsize=9)
+        pen.heading(figure, f"Recording {heading}" if heading else "", fontsize=9)
     return figure
 
 
@@ -169,14 +148,14 @@ def _command_panels(trial: Trial, units: Mapping[str, str]) -> list[tuple[str, s
 
 
 def _finish(axes: Axes, title: str, unit: str, several: bool) -> None:
-    panel_title(axes, title)
+    pen.panel_title(axes, title)
     axes.set_ylabel(unit)
     if several:
         handles, labels = axes.get_legend_handles_labels()
         if len(labels) > 3:
-            prefix = joined(labels).partition(",")[0].rpartition("_")[0]
+            prefix = pen.joined(labels).partition(",")[0].rpartition("_")[0]
             labels = [label.removeprefix(f"{prefix}_") for label in labels]
-        place: Style = {**ABOVE, "bbox_to_anchor": (1.0, 0.97), "borderaxespad": 0.0}
+        place: pen.Style = {**pen.ABOVE, "bbox_to_anchor": (1.0, 0.97), "borderaxespad": 0.0}
         axes.legend(handles, labels, ncols=len(labels), handlelength=1.2, columnspacing=0.8, **place)
 
 
@@ -195,7 +174,7 @@ def _names(axes: Axes, marks: Sequence[tuple[float, str]], trial: Trial) -> None
         if at - last < room or at > trial.t[-1]:
             continue
         last = at
-        small: Style = {"fontsize": 6, "color": REMARK, "va": "top", "textcoords": "offset points"}
+        small: pen.Style = {"fontsize": 6, "color": pen.REMARK, "va": "top", "textcoords": "offset points"}
         axes.annotate(name, (at, 1.0), (2.0, -1.0), xycoords=("data", "axes fraction"), **small)
 
 
@@ -205,26 +184,25 @@ def _legend(
     windows: Sequence[tuple[float, float]],
     marks: Sequence[tuple[float, str]],
 ) -> None:
-    handles: list[Artist] = [field("proposed to be held out", SHADE)] if held_out else []
-    handles += [field("proposed to be used", HULL)] if windows else []
-    handles += [stroke("change of mode", FAINT, linewidth=0.9, linestyle=(0, (3, 2)))] if marks else []
+    handles: list[Artist] = [pen.field("proposed to be held out", pen.SHADE)] if held_out else []
+    handles += [pen.field("proposed to be used", pen.HULL)] if windows else []
+    handles += (
+        [pen.stroke("change of mode", pen.FAINT, linewidth=0.9, linestyle=(0, (3, 2)))] if marks else []
+    )
     if handles:
-        legend_below(figure, handles)
+        pen.legend_below(figure, handles)
 
 
 def planned_trial(vehicle: Vehicle, plan: Plan, *, trial: int = 1, voltage_v: float = NOMINAL_V) -> Figure:
-    """Figure of one trial of a plan's sequence, counted from 1.
-
-    Tables of thrust are read at `voltage_v`, V.
-    """
+    """Figure of one trial of a plan, counted from 1; tables of thrust are read at `voltage_v`, V."""
     ranked = plan.sequence[trial - 1]
     manoeuvre = ranked.manoeuvre
     run = simulated(vehicle, manoeuvre, voltage_v=voltage_v)
     other = simulated(
         uneven(vehicle), manoeuvre, voltage_v=voltage_v, tilt_deg=FORECAST_SETTINGS.start_tilt_deg
     )
-    with house_style():
-        figure = new_figure(max(4.6, 1.3 + 0.135 * len(ranked.gains)))
+    with pen.house_style():
+        figure = pen.new_figure(max(4.6, 1.3 + 0.135 * len(ranked.gains)))
         grid = figure.add_gridspec(3, 2, width_ratios=[1.35, 1.0], height_ratios=[1.0, 1.0, 1.3])
         commands = figure.add_subplot(grid[0, 0])
         motion = figure.add_subplot(grid[1, 0], sharex=commands)
@@ -235,7 +213,7 @@ def planned_trial(vehicle: Vehicle, plan: Plan, *, trial: int = 1, voltage_v: fl
         _gains(figure.add_subplot(grid[:, 1]), ranked)
         repeats = f", {ranked.repeats} times" if ranked.repeats > 1 else ""
         title = f"Trial {trial}: {manoeuvre.name}, {manoeuvre.duration_s:.0f} s{repeats}"
-        figure_heading(figure, title, fontsize=9)
+        pen.heading(figure, title, fontsize=9)
     return figure
 
 
@@ -259,48 +237,51 @@ def _commands(axes: Axes, vehicle: Vehicle, manoeuvre: Manoeuvre) -> None:
         alike.setdefault((str(facts[name]["unit"]), np.asarray(values).tobytes()), []).append(name)
     for k, names in enumerate(alike.values()):
         label = groups.get(tuple(names), ", ".join(names))
-        look: Style = {"color": CYCLE[k % len(CYCLE)], "linestyle": "-" if k < len(CYCLE) else "--"}
+        look: pen.Style = {
+            "color": pen.CYCLE[k % len(pen.CYCLE)],
+            "linestyle": "-" if k < len(pen.CYCLE) else "--",
+        }
         axes.step(manoeuvre.t, shown(names[0]), where="post", linewidth=0.9, label=label, **look)
     axes.set_ylabel(f"command, {min(units)}" if len(units) == 1 else "% of the largest")
     axes.set_xlim(manoeuvre.t[0], manoeuvre.t[-1])
-    panel_title(axes, "Commands")
+    pen.panel_title(axes, "Commands")
     _panel_legend(axes, *axes.get_legend_handles_labels(), columns=4)
 
 
 def _motion(axes: Axes, run: Run, ranked: Ranked) -> None:
     """Attitude, and on the right the depth, downwards."""
     euler = np.rad2deg(run.euler)
-    axes.plot(run.t, euler[:, 0], color=SECOND, label="roll")
-    axes.plot(run.t, euler[:, 1], color=THIRD, label="pitch")
+    axes.plot(run.t, euler[:, 0], color=pen.SECOND, label="roll")
+    axes.plot(run.t, euler[:, 1], color=pen.THIRD, label="pitch")
     axes.set_ylabel("roll, pitch, deg")
     axes.set_xlabel("time, s")
     below: Any = axes.twinx()
     depth = ranked.forecast.start_depth_m + np.asarray(run.position)[:, 2]
-    below.plot(run.t, depth, color=SIMULATED, label="depth")
+    below.plot(run.t, depth, color=pen.SIMULATED, label="depth")
     below.set_ylabel("depth, m")
     below.set_ylim(1.15 * max(float(depth.max()), 1.0), 0.0)
     below.spines["right"].set_visible(True)
     below.grid(visible=False)
     (lines, names), (deeper, deep) = axes.get_legend_handles_labels(), below.get_legend_handles_labels()
     _panel_legend(axes, lines + deeper, names + deep)
-    panel_title(axes, "Attitude and depth")
+    pen.panel_title(axes, "Attitude and depth")
 
 
 def _track(axes: Axes, run: Run, other: Run) -> None:
     """Track from above, and that of the uneven vehicle."""
     for flown, colour, label in (
-        (other, FAINT, f"thrust {100 * FORECAST_SETTINGS.uneven:.0f} % uneven"),
-        (run, SIMULATED, "as planned"),
+        (other, pen.FAINT, f"thrust {100 * FORECAST_SETTINGS.uneven:.0f} % uneven"),
+        (run, pen.SIMULATED, "as planned"),
     ):
         place = np.asarray(flown.position)
         axes.plot(place[:, 1], place[:, 0], color=colour, label=label)
-    axes.plot(0.0, 0.0, "o", color=INK, markersize=3.2)
+    axes.plot(0.0, 0.0, "o", color=pen.INK, markersize=3.2)
     axes.plot([-1.0, 1.0], [-1.0, 1.0], alpha=0.0)  # no less than 1 m to either side of the start
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("across the course at the start, m")
     axes.set_ylabel("along it, m")
     _panel_legend(axes, *axes.get_legend_handles_labels())
-    panel_title(axes, "Track")
+    pen.panel_title(axes, "Track")
 
 
 def _gains(axes: Axes, ranked: Ranked) -> None:
@@ -310,9 +291,9 @@ def _gains(axes: Axes, ranked: Ranked) -> None:
     rows = np.arange(len(ranked.gains))[::-1]
     before = np.array([100.0 * change.before / change.whole for change in ranked.gains])
     after = np.array([100.0 * change.after / change.whole for change in ranked.gains])
-    axes.hlines(rows, after, before, color=FAINT, linewidth=0.8)
-    axes.plot(before, rows, "o", color=FOURTH, markersize=3.2, label="before")
-    axes.plot(after, rows, "o", color=SIMULATED, markersize=3.2, label="after this trial")
+    axes.hlines(rows, after, before, color=pen.FAINT, linewidth=0.8)
+    axes.plot(before, rows, "o", color=pen.FOURTH, markersize=3.2, label="before")
+    axes.plot(after, rows, "o", color=pen.SIMULATED, markersize=3.2, label="after this trial")
     axes.set_xscale("log")
     narrow = before.max() < 100.0 * after.min()
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,)))
@@ -325,7 +306,7 @@ def _gains(axes: Axes, ranked: Ranked) -> None:
     )
     axes.set_xlabel(f"standard deviation, % of the value{zero}")
     _panel_legend(axes, *axes.get_legend_handles_labels())
-    panel_title(axes, "Coefficients")
+    pen.panel_title(axes, "Coefficients")
 
 
 def _panel_legend(axes: Axes, handles: Sequence[Any], labels: Sequence[str], *, columns: int = 3) -> None:
@@ -333,5 +314,5 @@ def _panel_legend(axes: Axes, handles: Sequence[Any], labels: Sequence[str], *, 
     # 42 characters beside the title, of which a line takes four.
     columns = max(1, min(columns, 42 // (max(map(len, labels)) + 4)))
     size = 6 if len(labels) <= columns else 5
-    tight: Style = {"handlelength": 1.2, "columnspacing": 1.0, "labelspacing": 0.2, "borderaxespad": 0.1}
-    axes.legend(handles, labels, ncols=min(len(labels), columns), fontsize=size, **tight, **ABOVE)
+    tight: pen.Style = {"handlelength": 1.2, "columnspacing": 1.0, "labelspacing": 0.2, "borderaxespad": 0.1}
+    axes.legend(handles, labels, ncols=min(len(labels), columns), fontsize=size, **tight, **pen.ABOVE)

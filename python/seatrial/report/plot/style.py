@@ -107,10 +107,7 @@ def house_style() -> Iterator[None]:
 
 
 def new_figure(height_in: float, *, width_in: float = WIDTH_IN, constrained: bool = True) -> Figure:
-    """Empty figure on a canvas that needs no display; call it inside `house_style`.
-
-    A notebook shows it as it is written to a file, whether it has loaded pyplot or not.
-    """
+    """Empty figure that needs no display, shown in a notebook as in a file; call it inside `house_style`."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -197,13 +194,7 @@ def tidy(number: float) -> str:
 def save(
     figure: Figure, path: str | Path, *, formats: tuple[str, ...] = ("png",), dpi: int = DPI
 ) -> list[Path]:
-    """Paths of the files after the figure was written beside `path` in every format, by its ending.
-
-    Raises
-    ------
-    SeatrialError
-        The folder cannot be written or the disk is full.
-    """
+    """Files of a figure beside `path`, one per format; SeatrialError where they cannot be written."""
     base = Path(path)
     written = []
     try:

@@ -16,24 +16,7 @@ import numpy as np
 from seatrial.base.arrays import Array, Mask, runs
 from seatrial.base.channels import ANGLES, AXES, CHANNELS, readable
 from seatrial.base.files import file_name, free_name
-from seatrial.report.plot.style import (
-    FOURTH,
-    INK,
-    MEASURED,
-    RESIDUAL,
-    SHADE,
-    SIMULATED,
-    THIRD,
-    Style,
-    field,
-    house_style,
-    legend_below,
-    new_figure,
-    panel_title,
-    stroke,
-    tidy,
-)
-from seatrial.report.plot.style import heading as figure_heading
+from seatrial.report.plot import style as pen
 from seatrial.scoring.comparison import Comparison
 from seatrial.scoring.score import Score
 
@@ -59,9 +42,9 @@ NAMES = dict(
 
 IN_DEGREES = ("p", "q", "r", *ANGLES)
 
-_RECORDED: Style = {"color": MEASURED, "linewidth": 2.2, "alpha": 0.4}
+_RECORDED: pen.Style = {"color": pen.MEASURED, "linewidth": 2.2, "alpha": 0.4}
 
-_MEASURED: Style = {"color": MEASURED, "linewidth": 1.6, "alpha": 0.55}
+_MEASURED: pen.Style = {"color": pen.MEASURED, "linewidth": 1.6, "alpha": 0.55}
 
 
 def measured_against_simulated(
@@ -78,22 +61,22 @@ def measured_against_simulated(
     Each of the windows (as of `seatrial.scoring.score.Score`) restarts from the measurement; samples that are
     held out, (n,), are shaded, and a channel's scores stand in the title of its panel.
     """
-    with house_style():
+    with pen.house_style():
         figure, panels = _panels(trial, channels, panel_in=1.35, lower=1.0)
         for channel, (upper, lower) in zip(channels, panels, strict=True):
             _channel(upper, lower, trial, windows, channel)
-            panel_title(upper, NAMES[channel], (titles or {}).get(channel, ""))
+            pen.panel_title(upper, NAMES[channel], (titles or {}).get(channel, ""))
             for axes in (upper, lower):  # what judges the result is the same time in both
                 _shade(axes, trial.t, held_out)
         handles: list[Artist] = [
-            stroke("measured", **_MEASURED),
-            stroke("simulated", SIMULATED, linewidth=0.9),
-            stroke("measured \N{MINUS SIGN} simulated", RESIDUAL, linewidth=0.7),
+            pen.stroke("measured", **_MEASURED),
+            pen.stroke("simulated", pen.SIMULATED, linewidth=0.9),
+            pen.stroke("measured \N{MINUS SIGN} simulated", pen.RESIDUAL, linewidth=0.7),
         ]
         if held_out is not None and held_out.any():
-            handles.append(field("held out of the fit", SHADE))
-        legend_below(figure, handles)
-        figure_heading(figure, heading, fontsize=9)
+            handles.append(pen.field("held out of the fit", pen.SHADE))
+        pen.legend_below(figure, handles)
+        pen.heading(figure, heading, fontsize=9)
     return figure
 
 
@@ -101,7 +84,7 @@ def _panels(
     trial: Trial, channels: Sequence[str], *, panel_in: float, lower: float
 ) -> tuple[Figure, list[tuple[Axes, Axes]]]:
     """A figure over a trial's time, with a panel per channel and a lower one for its errors."""
-    figure = new_figure(0.85 + panel_in * len(channels))  # 0.85 inches of edges
+    figure = pen.new_figure(0.85 + panel_in * len(channels))  # 0.85 inches of edges
     heights = [3.0, lower] * len(channels)
     grid = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
     for axes in grid:
@@ -117,7 +100,7 @@ def _panels(
     return figure, list(zip(grid[::2], grid[1::2], strict=True))
 
 
-def _measured(axes: Axes, trial: Trial, channel: str, look: Style) -> Array:
+def _measured(axes: Axes, trial: Trial, channel: str, look: pen.Style) -> Array:
     """Draw a measured channel, in the unit that people read; the values (n,), SI, an angle unwrapped."""
     k = CHANNELS.index(channel)
     measured = np.where(trial.valid[:, k], trial.observed[:, k], np.nan)
@@ -141,10 +124,10 @@ def _channel(upper: Axes, lower: Axes, trial: Trial, windows: Sequence[Window], 
         observed = measured[window.start : window.stop]
         if channel in ANGLES:
             simulated = beside(np.unwrap(simulated), observed)
-        upper.plot(t, scale * simulated, color=SIMULATED, linewidth=0.9)
-        lower.plot(t, scale * (observed - simulated), color=RESIDUAL, linewidth=0.7)
+        upper.plot(t, scale * simulated, color=pen.SIMULATED, linewidth=0.9)
+        lower.plot(t, scale * (observed - simulated), color=pen.RESIDUAL, linewidth=0.7)
     residual_limits(lower)
-    lower.axhline(0.0, color=INK, linewidth=0.4)
+    lower.axhline(0.0, color=pen.INK, linewidth=0.4)
 
 
 def residual_limits(axes: Axes) -> None:
@@ -168,7 +151,7 @@ def _shade(axes: Axes, t: Array, mask: Mask | None) -> None:
     if mask is None or not mask.any():
         return
     for first, end in runs(mask):
-        axes.axvspan(t[first], t[min(end, len(t) - 1)], color=SHADE, linewidth=0.0, zorder=0)
+        axes.axvspan(t[first], t[min(end, len(t) - 1)], color=pen.SHADE, linewidth=0.0, zorder=0)
 
 
 def few_ticks() -> Locator:
@@ -179,20 +162,19 @@ def few_ticks() -> Locator:
 
 
 _LOOKS: tuple[tuple[str, Any], ...] = (
-    (SIMULATED, "-"),
-    (RESIDUAL, (0, (4, 1.5))),
-    (THIRD, (0, (1, 1))),
-    (FOURTH, (0, (5, 1, 1, 1))),
+    (pen.SIMULATED, "-"),
+    (pen.RESIDUAL, (0, (4, 1.5))),
+    (pen.THIRD, (0, (1, 1))),
+    (pen.FOURTH, (0, (5, 1, 1, 1))),
 )
 
 
 def drawings(
     result: Score | Comparison | Mapping[str, Score], *, free: str = AXES
 ) -> dict[str, Callable[[], Figure]]:
-    """A figure per trial, of the velocities of the free axes, or of all channels without any.
+    """A figure per trial, of the velocities of the `free` axes, or of all channels without any.
 
-    Of scores by name of the vehicle, all of the same trials, or of one; `free` are letters of the axes that
-    were simulated.
+    Of scores by name of the vehicle, all of the same trials, or of one.
     """
     if isinstance(result, Score):
         result = {"model": result}
@@ -214,20 +196,20 @@ def drawings(
 def variants(trial: Trial, scores: Mapping[str, Score], *, channels: Sequence[str]) -> Figure:
     """Figure of a trial with what every vehicle predicts, per channel, and the errors below."""
     ahead_s = next(iter(scores.values())).ahead_s
-    looks: dict[str, Style] = {
+    looks: dict[str, pen.Style] = {
         name: {"color": colour, "linestyle": dashes}
         for name, (colour, dashes) in zip(scores, cycle(_LOOKS), strict=False)
     }
-    with house_style():
+    with pen.house_style():
         figure, panels = _panels(trial, channels, panel_in=1.45, lower=1.4)
         for channel, (upper, lower) in zip(channels, panels, strict=True):
             _variants_panel(upper, lower, trial, scores, looks, channel)
-            panel_title(upper, NAMES[channel], _remark(scores, channel))
-        handles = [stroke("recorded", **_RECORDED)]
-        handles += [stroke(name, linewidth=1.1, **look) for name, look in looks.items()]
-        legend_below(figure, handles, min(len(handles), 5))
+            pen.panel_title(upper, NAMES[channel], _remark(scores, channel))
+        handles = [pen.stroke("recorded", **_RECORDED)]
+        handles += [pen.stroke(name, linewidth=1.1, **look) for name, look in looks.items()]
+        pen.legend_below(figure, handles, min(len(handles), 5))
         kind = f"{ahead_s:g} s ahead from the measured state" if np.isfinite(ahead_s) else "free run"
-        figure_heading(figure, f"Trial {trial.name}: {kind}", fontsize=9)
+        pen.heading(figure, f"Trial {trial.name}: {kind}", fontsize=9)
     return figure
 
 
@@ -236,7 +218,7 @@ def _variants_panel(
     lower: Axes,
     trial: Trial,
     scores: Mapping[str, Score],
-    looks: Mapping[str, Style],
+    looks: Mapping[str, pen.Style],
     channel: str,
 ) -> None:
     k, (scale, _) = CHANNELS.index(channel), readable(channel)
@@ -250,7 +232,7 @@ def _variants_panel(
         reach = max(reach, float(np.quantile(sizes, 0.995)) if len(sizes) else 0.0)
     if reach > 0.0:
         lower.set_ylim(-1.25 * reach, 1.25 * reach)
-    lower.axhline(0.0, color=INK, linewidth=0.4)
+    lower.axhline(0.0, color=pen.INK, linewidth=0.4)
 
 
 def _joined(
@@ -288,4 +270,4 @@ def _remark(scores: Mapping[str, Score], channel: str) -> str:
 
 def _r2(value: float) -> str:
     """R2 in three decimals; what is far below zero in short."""
-    return f"{value:.3f}" if abs(value) < 10.0 else tidy(value)
+    return f"{value:.3f}" if abs(value) < 10.0 else pen.tidy(value)

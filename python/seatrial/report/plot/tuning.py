@@ -22,6 +22,7 @@ from seatrial.base.arrays import Array
 from seatrial.control_design.margin_constraint import MarginConstraint, PointMargins
 from seatrial.control_design.margins import decibel
 from seatrial.control_design.tuning_table import LOOPS
+from seatrial.report.plot import style as pen
 from seatrial.report.plot.corridors import (
     Course,
     InCorridor,
@@ -29,22 +30,6 @@ from seatrial.report.plot.corridors import (
     corridor_figure,
     speed_steps,
     step_responses,
-)
-from seatrial.report.plot.style import (
-    FAINT,
-    FORBIDDEN,
-    MEASURED,
-    RESIDUAL,
-    SIMULATED,
-    WIDTH_IN,
-    Style,
-    band,
-    field,
-    house_style,
-    new_figure,
-    page_heading,
-    panel_title,
-    stroke,
 )
 from seatrial.vehicle.actuators import LOOPS as LOOP_NAMES
 
@@ -112,10 +97,7 @@ def drawings(tuning: Tuning) -> dict[str, Callable[[], Figure]]:
 
 
 def corridors(start: Performance, tuned: Performance, loop: str) -> Iterator[Figure]:
-    """Figures of a loop's steps in their corridor, there and back: start gains beside tuned ones.
-
-    Each fits on a page.
-    """
+    """Figures of a loop's steps in their corridor, there and back, start gains beside tuned, a page each."""
     for trials in _pages(start, tuned, loop):
         yield _corridors(start, tuned, loop, trials)
 
@@ -211,7 +193,7 @@ def _one_per_speed(tuned: Performance, start: Performance, loop: str) -> list[in
 
 Complex = NDArray[np.complex128]
 
-_LOOK = {"start gains": (MEASURED, 0.7, 2.6), "tuned": (SIMULATED, 1.7, 3.8)}  # colour, width, marker
+_LOOK = {"start gains": (pen.MEASURED, 0.7, 2.6), "tuned": (pen.SIMULATED, 1.7, 3.8)}  # colour, width, marker
 
 _MARKERS = "os^D"  # per mode
 
@@ -248,15 +230,21 @@ def tuning_margins(
     speeds = [point.speed_m_s for side in sides for point in side.points]
     slowest, span = min(speeds), max(max(speeds) - min(speeds), 1.0)
     modes = list(dict.fromkeys(point.mode for side in sides for point in side.points))
+    reach_s = (SETTINGS.least_s, SETTINGS.largest_s)
     columns: tuple[tuple[str, str, str, Callable[[PointMargins, int], tuple[float, ...]]], ...] = (
-        ("phase margin", "deg", "phase_deg", _phase),
+        ("phase margin", "deg", "phase_deg", lambda point, k: (float(point.of.phase_deg[0, k]),)),
         ("gain margin", "dB", "gain_db", _gain),
-        ("delay margin", "s", "delay_s", _delay),
+        (
+            "delay margin",
+            "s",
+            "delay_s",
+            lambda point, k: (float(np.clip(point.of.delay_s[0, k], *reach_s)),),
+        ),
     )
-    with house_style():
+    with pen.house_style():
         head_in = 0.55  # title and legend
         height = 1.5 * len(used) + head_in
-        figure = new_figure(height)
+        figure = pen.new_figure(height)
         figure.get_layout_engine().set(rect=(0.0, 0.0, 1.0, 1.0 - head_in / height))  # type: ignore[union-attr, call-arg]
         grid = figure.subplots(len(used), 4, squeeze=False, width_ratios=(1.0, 1.0, 1.0, 1.25))
         for index, (row, loop) in enumerate(zip(grid, used, strict=True)):
@@ -267,30 +255,22 @@ def tuning_margins(
                 _limit(axes, (asked[0], asked[1]), unit)
                 axes.set_xlim(slowest - 0.05 * span, slowest + 1.05 * span)
                 if index == 0:
-                    panel_title(axes, f"{title}, {unit}")
+                    pen.panel_title(axes, f"{title}, {unit}")
             _nyquist(row[3], sides, loop)
             row[0].set_ylabel(loop, fontweight="bold")
-        panel_title(grid[0, 3], "open loop")
+        pen.panel_title(grid[0, 3], "open loop")
         for axes in grid[-1, :3]:
             axes.set_xlabel("speed ahead, m/s")
         grid[-1, 3].set_xlabel("real part")
         _legend(figure, sides, modes)
         title = f"{vehicle.name}: margins of the linear loops, each opened alone"
-        page_heading(figure, title, left_in=0.01 * WIDTH_IN, below_in=0.14)
+        pen.page_heading(figure, title, left_in=0.01 * pen.WIDTH_IN, below_in=0.14)
     return figure
-
-
-def _phase(point: PointMargins, k: int) -> tuple[float, ...]:
-    return (float(point.of.phase_deg[0, k]),)
 
 
 def _gain(point: PointMargins, k: int) -> tuple[float, ...]:
     up, down = (float(decibel(side[0, k])) for side in (point.of.gain, point.of.reduction))
     return min(up, SETTINGS.largest_db), down if down < SETTINGS.largest_db else np.nan
-
-
-def _delay(point: PointMargins, k: int) -> tuple[float, ...]:
-    return (float(np.clip(point.of.delay_s[0, k], SETTINGS.least_s, SETTINGS.largest_s)),)
 
 
 def _margin(
@@ -310,11 +290,11 @@ def _margin(
         stable = np.array([point.growth_per_s[0] == 0.0 for point in points])
         values = np.array([value(point, point.loops.index(loop)) for point in points])
         for column, dashes in zip(values.T, ("-", (0, (3, 2))), strict=False):
-            look: Style = {"color": colour, "linewidth": width, "linestyle": dashes, "markersize": size}
+            look: pen.Style = {"color": colour, "linewidth": width, "linestyle": dashes, "markersize": size}
             look["marker"] = _MARKERS[modes.index(mode) % len(_MARKERS)]
             look["markerfacecolor"] = colour if dashes == "-" else "white"
             axes.plot(speed, np.where(stable, column, np.nan), clip_on=False, **look)
-        foot: Style = {"color": colour, "markersize": 4.5, "transform": axes.get_xaxis_transform()}
+        foot: pen.Style = {"color": colour, "markersize": 4.5, "transform": axes.get_xaxis_transform()}
         axes.plot(speed[~stable], np.full((~stable).sum(), 0.06), "x", **foot)
 
 
@@ -334,8 +314,8 @@ def _limit(axes: Axes, limits: tuple[float, float], unit: str) -> None:
     bottom, far_m_s = axes.get_ylim()[0], 100.0  # a limit is drawn to the edge of its panel
     for limit, ends in zip(limits, (np.array([-far_m_s, 0.0]), np.array([0.0, far_m_s])), strict=True):
         if limit > 0.0:
-            band(axes, ends, bottom, limit, FORBIDDEN, zorder=0.5)
-            axes.plot(ends, [limit, limit], color=RESIDUAL, linewidth=0.9)
+            pen.band(axes, ends, bottom, limit, pen.FORBIDDEN, zorder=0.5)
+            axes.plot(ends, [limit, limit], color=pen.RESIDUAL, linewidth=0.9)
 
 
 def _nyquist(axes: Axes, sides: Sequence[_Side], loop: str) -> None:
@@ -343,9 +323,9 @@ def _nyquist(axes: Axes, sides: Sequence[_Side], loop: str) -> None:
     from matplotlib.patches import Circle
 
     radius = 1.0 / SETTINGS.sensitivity  # radius of the disk that the response keeps out of
-    axes.add_patch(Circle((-1.0, 0.0), radius, color=FORBIDDEN, linewidth=0.0, zorder=0.5))
-    axes.add_patch(Circle((0.0, 0.0), 1.0, fill=False, color=FAINT, linewidth=0.7, linestyle=":"))
-    axes.plot(-1.0, 0.0, "+", color=RESIDUAL, markersize=5)
+    axes.add_patch(Circle((-1.0, 0.0), radius, color=pen.FORBIDDEN, linewidth=0.0, zorder=0.5))
+    axes.add_patch(Circle((0.0, 0.0), 1.0, fill=False, color=pen.FAINT, linewidth=0.7, linestyle=":"))
+    axes.plot(-1.0, 0.0, "+", color=pen.RESIDUAL, markersize=5)
     for side in sides:
         colour, width, _ = _LOOK[side.name]
         for point, (_, loops) in zip(side.points, side.loops, strict=True):
@@ -364,19 +344,19 @@ def _nyquist(axes: Axes, sides: Sequence[_Side], loop: str) -> None:
 
 def _legend(figure: Figure, sides: Sequence[_Side], modes: Sequence[str]) -> None:
     handles: list[Artist] = [
-        stroke(side.name, _LOOK[side.name][0], linewidth=_LOOK[side.name][1]) for side in sides
+        pen.stroke(side.name, _LOOK[side.name][0], linewidth=_LOOK[side.name][1]) for side in sides
     ]
     handles += [
-        stroke(mode, FAINT, linestyle="", marker=_MARKERS[k % len(_MARKERS)], markersize=4)
+        pen.stroke(mode, pen.FAINT, linestyle="", marker=_MARKERS[k % len(_MARKERS)], markersize=4)
         for k, mode in enumerate(modes)
     ]
-    hollow: Style = {"linestyle": (0, (3, 2)), "marker": "o", "markerfacecolor": "white"}
-    handles.append(stroke("gain downwards", FAINT, **hollow))
+    hollow: pen.Style = {"linestyle": (0, (3, 2)), "marker": "o", "markerfacecolor": "white"}
+    handles.append(pen.stroke("gain downwards", pen.FAINT, **hollow))
     if any(point.growth_per_s[0] > 0.0 for side in sides for point in side.points):
-        handles.append(stroke("unstable (dotted)", FAINT, linestyle="", marker="x"))
-    handles.append(field(f"below its limit, $|S|$ > {SETTINGS.sensitivity:g}", FORBIDDEN))
+        handles.append(pen.stroke("unstable (dotted)", pen.FAINT, linestyle="", marker="x"))
+    handles.append(pen.field(f"below its limit, $|S|$ > {SETTINGS.sensitivity:g}", pen.FORBIDDEN))
     # Two lines where the page is too narrow: one holds 126 letters, a handle takes the room of six.
     wide = sum(len(str(handle.get_label())) + 6 for handle in handles) > 126
-    place: Style = {"loc": "upper left", "bbox_to_anchor": (0.0, 1.0 - 0.24 / figure.get_figheight())}
-    tight: Style = {"labelspacing": 0.2, "columnspacing": 1.1, "handletextpad": 0.5, "borderaxespad": 0.0}
+    place: pen.Style = {"loc": "upper left", "bbox_to_anchor": (0.0, 1.0 - 0.24 / figure.get_figheight())}
+    tight: pen.Style = {"labelspacing": 0.2, "columnspacing": 1.1, "handletextpad": 0.5, "borderaxespad": 0.0}
     figure.legend(handles=handles, ncols=-(-len(handles) // 2) if wide else len(handles), **place, **tight)

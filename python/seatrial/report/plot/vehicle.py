@@ -15,23 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.report.plot.style import (
-    CYCLE,
-    FAINT,
-    HULL,
-    HULL_EDGE,
-    INK,
-    REMARK,
-    RESIDUAL,
-    WIDTH_IN,
-    Style,
-    house_style,
-    joined,
-    new_figure,
-    page_heading,
-    panel_title,
-    stroke,
-)
+from seatrial.report.plot import style as pen
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -75,13 +59,15 @@ def hull(axes: Axes, view: View, size: list[float], *, box_shaped: bool) -> None
     else:
         angle = np.linspace(0.0, 2.0 * np.pi, 121)
         outline = np.stack([half[1] * np.cos(angle), half[2] * np.sin(angle)], axis=1)
-    axes.fill(outline[:, 0], outline[:, 1], facecolor=HULL, edgecolor=HULL_EDGE, linewidth=0.8, zorder=1)
+    axes.fill(
+        outline[:, 0], outline[:, 1], facecolor=pen.HULL, edgecolor=pen.HULL_EDGE, linewidth=0.8, zorder=1
+    )
 
 
 def centres(axes: Axes, view: View, vehicle: Vehicle) -> None:
     """Marks of the centres of gravity and of buoyancy."""
     values = vehicle.coefficients()
-    for letter, marker, colour in (("g", "o", INK), ("b", "^", CYCLE[0])):
+    for letter, marker, colour in (("g", "o", pen.INK), ("b", "^", pen.CYCLE[0])):
         place = [values.get(f"{axis}_{letter}", 0.0) for axis in "xyz"]
         axes.plot(
             place[view.across],
@@ -106,14 +92,14 @@ def fins(axes: Axes, view: View, vehicle: Vehicle) -> None:
         square = np.array([ahead + out, ahead - out, -ahead - out, -ahead + out])
         corners = np.array(facts["position"], float) + square
         across, upright = corners[:, view.across], corners[:, view.upright]
-        axes.fill(across, upright, facecolor=HULL, edgecolor=HULL_EDGE, linewidth=1.1, zorder=2)
+        axes.fill(across, upright, facecolor=pen.HULL, edgecolor=pen.HULL_EDGE, linewidth=1.1, zorder=2)
 
 
 def thrust(axes: Axes, view: View, places: Array, directions: Array, arrow: float, inch: float) -> None:
     """Arrows of positive thrust from the actuators' places; a circle where it points along the view."""
     radius = 0.045 / inch
     head = "-|>,head_width=0.14,head_length=0.28"
-    pointed = {"arrowstyle": head, "color": RESIDUAL, "linewidth": 0.9, "shrinkA": 0.0, "shrinkB": 0.0}
+    pointed = {"arrowstyle": head, "color": pen.RESIDUAL, "linewidth": 0.9, "shrinkA": 0.0, "shrinkB": 0.0}
     for place, direction in zip(places, directions, strict=True):
         x, y = place[view.across], place[view.upright]
         dx, dy = direction[view.across], direction[view.upright]
@@ -122,28 +108,28 @@ def thrust(axes: Axes, view: View, places: Array, directions: Array, arrow: floa
 
             facing = direction[view.viewer] * view.towards > 0.0
             axes.add_patch(
-                Circle((x, y), radius, facecolor="white", edgecolor=RESIDUAL, linewidth=0.9, zorder=5)
+                Circle((x, y), radius, facecolor="white", edgecolor=pen.RESIDUAL, linewidth=0.9, zorder=5)
             )
             axes.plot(
-                x, y, "." if facing else "x", color=RESIDUAL, markersize=3, markeredgewidth=0.8, zorder=6
+                x, y, "." if facing else "x", color=pen.RESIDUAL, markersize=3, markeredgewidth=0.8, zorder=6
             )
             continue
-        axes.plot(x, y, "o", color=RESIDUAL, markersize=2.6, zorder=5)
+        axes.plot(x, y, "o", color=pen.RESIDUAL, markersize=2.6, zorder=5)
         axes.annotate("", (x + arrow * dx, y + arrow * dy), (x, y), zorder=5, arrowprops=pointed)
 
 
 def legend(figure: Figure, corner: tuple[float, float] | None, *, fins: bool) -> None:
     """Legend with its upper left corner at a place in the figure, or in a row at the foot."""
-    viewed: Style = {"linestyle": "", "markersize": 7, "markeredgewidth": 0.2}
+    viewed: pen.Style = {"linestyle": "", "markersize": 7, "markeredgewidth": 0.2}
     positive = "positive thrust, fin force" if fins else "positive thrust"
     handles = [
-        stroke("centre of gravity", INK, marker="o", linestyle="", markerfacecolor="none"),
-        stroke("centre of buoyancy", CYCLE[0], marker="^", linestyle=""),
-        stroke(positive, RESIDUAL, marker=r"$\rightarrow$", linestyle="", markersize=9),
-        stroke("towards the viewer", RESIDUAL, marker=r"$\odot$", **viewed),
-        stroke("away", RESIDUAL, marker=r"$\otimes$", **viewed),
+        pen.stroke("centre of gravity", pen.INK, marker="o", linestyle="", markerfacecolor="none"),
+        pen.stroke("centre of buoyancy", pen.CYCLE[0], marker="^", linestyle=""),
+        pen.stroke(positive, pen.RESIDUAL, marker=r"$\rightarrow$", linestyle="", markersize=9),
+        pen.stroke("towards the viewer", pen.RESIDUAL, marker=r"$\odot$", **viewed),
+        pen.stroke("away", pen.RESIDUAL, marker=r"$\otimes$", **viewed),
     ]
-    place: Style = {"loc": "lower center", "ncols": 5, "handletextpad": 0.3, "columnspacing": 1.4}
+    place: pen.Style = {"loc": "lower center", "ncols": 5, "handletextpad": 0.3, "columnspacing": 1.4}
     if corner is not None:
         place = {"loc": "upper left", "bbox_to_anchor": corner, "borderaxespad": 0.0, "borderpad": 0.0}
     figure.legend(handles=handles, **place)
@@ -202,19 +188,21 @@ class _Layout:
 
 
 def three_views(vehicle: Vehicle) -> Figure:
-    """Figure of a vehicle from the side, from above and from ahead.
-
-    An arrow shows the direction of positive thrust; a dot in a circle points at the viewer, a cross away.
-    """
-    with house_style():
+    """Figure of a vehicle from the side, above and ahead; arrows, or dots to the viewer: positive thrust."""
+    with pen.house_style():
         names, places, directions = _actuators(vehicle)
         measures = vehicle.geometry()
         size = [measures.get(key, 1.0) for key in ("length", "diameter", "height")]
         layout = _Layout.of(size, places, directions)
         boxes, scales, total, below = _boxes(layout)
-        figure = new_figure(total, constrained=False)
+        figure = pen.new_figure(total, constrained=False)
         for view, box, inch in zip((_SIDE, _TOP, _FRONT), boxes, scales, strict=True):
-            axes = figure.add_axes((box[0] / WIDTH_IN, box[1] / total, box[2] / WIDTH_IN, box[3] / total))
+            axes = figure.add_axes((
+                box[0] / pen.WIDTH_IN,
+                box[1] / total,
+                box[2] / pen.WIDTH_IN,
+                box[3] / total,
+            ))
             _axes(axes, view, layout.window(view, SETTINGS.labels / inch))
             if measures:
                 hull(axes, view, size, box_shaped=vehicle.hull_shape in ("box", "frame"))
@@ -225,13 +213,13 @@ def three_views(vehicle: Vehicle) -> Figure:
             label_rows(axes, view, names, page, arrows, layout.window(view, SETTINGS.labels / inch), inch)
         # The legend stands below the front where that leaves room, else in a row at the foot.
         front = boxes[2]
-        corner = (front[0] / WIDTH_IN, (front[1] - SETTINGS.bottom) / total)
+        corner = (front[0] / pen.WIDTH_IN, (front[1] - SETTINGS.bottom) / total)
         steered = any(facts["kind"] == "fin" for facts in vehicle.actuator_info().values())
         legend(figure, corner if below else None, fins=steered)
-        page_heading(figure, vehicle.name, left_in=SETTINGS.left)
-        upper_right = (1.0 - SETTINGS.right / WIDTH_IN, 1.0 - 0.16 / total)
+        pen.page_heading(figure, vehicle.name, left_in=SETTINGS.left)
+        upper_right = (1.0 - SETTINGS.right / pen.WIDTH_IN, 1.0 - 0.16 / total)
         remark = _remark(vehicle, names)
-        figure.text(*upper_right, remark, fontsize=7.5, ha="right", va="center", color=REMARK)
+        figure.text(*upper_right, remark, fontsize=7.5, ha="right", va="center", color=pen.REMARK)
     return figure
 
 
@@ -243,13 +231,13 @@ def _boxes(layout: _Layout) -> tuple[list[tuple[float, float, float, float]], tu
     long_m, deep_m = layout.window(_SIDE, 0.0)
     broad_m = layout.window(_TOP, 0.0)[1]
     fixed = 2.0 * SETTINGS.labels
-    free_in = WIDTH_IN - SETTINGS.left - SETTINGS.gap - SETTINGS.right
+    free_in = pen.WIDTH_IN - SETTINGS.left - SETTINGS.gap - SETTINGS.right
     share = float(np.clip(long_m / (long_m + broad_m), 0.5, 0.68))
     scale = min(share * free_in / (2.0 * long_m), (SETTINGS.tallest - fixed) / (2.0 * max(deep_m, broad_m)))
     wide = 2.0 * long_m * scale
     side, top = 2.0 * deep_m * scale + fixed, 2.0 * broad_m * scale + fixed
     left = SETTINGS.left + wide + SETTINGS.gap
-    front_wide = WIDTH_IN - left - SETTINGS.right
+    front_wide = pen.WIDTH_IN - left - SETTINGS.right
     room = side + top + SETTINGS.bottom
     front_scale = min(front_wide / (2.0 * broad_m), (room - fixed) / (2.0 * deep_m))
     if long_m < 2.0 * broad_m:
@@ -295,7 +283,7 @@ def _axes(axes: Axes, view: View, window: tuple[float, float]) -> None:
     axes.set_ylabel(view.labels[1])
     axes.locator_params(nbins=5)
     axes.grid(color="#F0F0F0")
-    panel_title(axes, view.title)
+    pen.panel_title(axes, view.title)
 
 
 def label_rows(
@@ -313,13 +301,13 @@ def label_rows(
     m, and `inch` inches per metre.
     """
     across, upright = window
-    tie = {"arrowstyle": "-", "color": FAINT, "linewidth": 0.5, "shrinkA": 1.0, "shrinkB": 3.0}
+    tie = {"arrowstyle": "-", "color": pen.FAINT, "linewidth": 0.5, "shrinkA": 1.0, "shrinkB": 3.0}
     rows: dict[float, list[tuple[float, float, str]]] = {1.0: [], -1.0: []}
     for members in _together(page, 0.06 / inch):  # inches
         x, y = page[members].mean(axis=0)
         # On the centre line a label stands where the arrow does not point.
         side = y if abs(y) > 1e-3 else -arrows[members, 1].sum()
-        rows[-1.0 if side < -1e-3 else 1.0].append((x, y, joined([names[k] for k in members])))
+        rows[-1.0 if side < -1e-3 else 1.0].append((x, y, pen.joined([names[k] for k in members])))
 
     def width(row: Sequence[tuple[float, float, str]]) -> float:
         return sum(_width_in(axes, text) for _, _, text in row) / inch

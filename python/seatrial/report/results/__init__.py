@@ -14,48 +14,41 @@ from types import ModuleType
 from seatrial.base.report import Report, Table
 
 WRITERS = {
-    "AutopilotCheck": "check_file",
+    "AutopilotCheck": "checks",
     "BenchTest": "bench_test",
-    "CampaignCheck": "check_campaign",
-    "CExport": "exported",
-    "Comparison": "comparison",
-    "Consistency": "consistency",
-    "ExportedModel": "exported",
+    "CampaignCheck": "checks",
+    "CExport": "links",
+    "Comparison": "score",
+    "Consistency": "trial_findings",
+    "ExportedModel": "links",
     "FailureBoundary": "surveys",
     "Falsification": "surveys",
     "Flight": "flight",
-    "FmuExport": "exported",
+    "FmuExport": "links",
     "Identification": "identification",
     "Imported": "imported",
-    "ImportedModel": "exported",
-    "LeaveOneOut": "leave_one_out",
+    "ImportedModel": "links",
+    "LeaveOneOut": "score",
     "LogTuning": "ardusub",
     "LogVerdict": "mission_log",
-    "MissionCheck": "check_file",
+    "MissionCheck": "checks",
     "Plan": "plan",
     "RareFailures": "surveys",
-    "RealtimeFlight": "realtime",
-    "Replay": "replay",
+    "RealtimeFlight": "links",
+    "Replay": "ardusub",
     "Score": "score",
-    "SimulatedTrial": "simulation",
-    "SitlSession": "realtime",
+    "SimulatedTrial": "plan",
+    "SitlSession": "links",
     "Survey": "imported",
     "Tuning": "tuning",
-    "VehicleCheck": "check_file",
+    "VehicleCheck": "checks",
     "Verification": "verification",
 }
 """Module of this folder by the name of the result's class."""
 
 
 def html(report: Report, *, most: int = 15) -> str:
-    """The three lines and the first table of a report, for a notebook.
-
-    Parameters
-    ----------
-    report : Report
-    most : int, optional
-        Rows of the table: a screen shows as many without scrolling.
-    """
+    """The three lines and the first table of a report with at most so many rows, for a notebook."""
     lines = "<br>".join(map(escape, report.lines()))
     first = next((table for section in report.shown(verbose=False) for table in section.tables), None)
     return f"<p>{lines}</p>" + ("" if first is None else _table(first.filled(), most))
@@ -77,18 +70,7 @@ def _table(table: Table, most: int) -> str:
 
 
 def writer_of(result: object) -> ModuleType:
-    """Module that writes the words of a result.
-
-    Parameters
-    ----------
-    result : object
-        Of a class named in `WRITERS`, or of one derived from it.
-
-    Raises
-    ------
-    TypeError
-        No report is written of such an object.
-    """
+    """Module that writes the words of a result; TypeError where no report is written of such an object."""
     for kind in type(result).__mro__:
         if name := WRITERS.get(kind.__name__):
             return importlib.import_module(f"{__name__}.{name}")

@@ -12,8 +12,7 @@ from seatrial.base.channels import AXES, MOTIONS, VELOCITIES
 from seatrial.base.report import listed
 from seatrial.diagnosis.roles import Manoeuvre, Role, Unexcited, manoeuvre, role
 from seatrial.problem.parameter import STRIPS
-
-_PITCH_DECAY = "record a free decay in pitch (trim it by hand by 10 to 20 deg, motors stopped, let go)"
+from seatrial.report.results.phrases import Formats, filled, templates
 
 _INCLINE = "do an inclining test (shift or hang on a known ballast and record the angle at rest)"
 
@@ -21,69 +20,9 @@ _WEIGH = "weigh the vehicle in air, with the water of its free-flooding spaces, 
 
 _BOTH_WAYS = "run the same straight legs in opposite directions, and lie at rest"
 
-_MOTIONS = {
-    ("damping", "u"): (
-        "run a staircase of speeds, slow to fast, ahead and astern, with a coast-down after each step"
-    ),
-    ("damping", "v"): (
-        "push the vehicle sideways at several levels, or run turning circles and zigzags with sway free"
-    ),
-    ("damping", "w"): (
-        "dive and rise with the vertical thrusters at several levels, and let it rise or sink freely"
-    ),
-    ("damping", "q"): f"run pitch dives with several trim moments, or {_PITCH_DECAY}",
-    ("damping", "r"): "run turning circles to both sides at several rates of turn, some on the spot",
-    ("acceleration", "u"): "run steps of thrust from rest, reversals and coast-downs",
-    ("acceleration", "v"): "run steps or a multisine of side force with sway free",
-    ("acceleration", "w"): "run steps or a multisine of vertical thrust",
-    ("acceleration", "q"): f"run pitch doublets, or {_PITCH_DECAY}",
-    ("acceleration", "r"): "run zigzags with quick reversals, or a multisine of yaw moment",
-    ("lift", "v"): "run turning circles and zigzags with sway free at two forward speeds or more",
-    ("lift", "w"): "dive with the vertical thrusters under way, at two forward speeds or more",
-    ("lift", "q"): "run pitch doublets under way, at two forward speeds or more",
-    ("lift", "r"): "run zigzags with quick reversals and turning circles at two forward speeds or more",
-}
+_WITH_TETHER = "turn and run straight at two speeds or more with the tether paid out, and without it"
 
-_UNPUSHED = {
-    ("damping", "v"): "run turning circles and zigzags with sway free",
-    ("damping", "w"): "dive and rise by the planes at several speeds, and let it rise or sink freely",
-    ("damping", "r"): "run turning circles to both sides at several rates of turn",
-    ("acceleration", "v"): "run zigzags with quick reversals and sway free",
-    ("acceleration", "w"): "run quick steps of the planes under way",
-    ("acceleration", "r"): "run zigzags with quick reversals of the rudder",
-    ("lift", "w"): "dive by the planes at two forward speeds or more",
-}
-"""The same where no thruster pushes along the axis of the motion."""
-
-_WAYS: dict[str, Callable[[Manoeuvre], str]] = {
-    "decay": lambda _: (
-        "record a free decay in roll (heel the vehicle by hand by 20 to 30 deg, motors stopped, let go)"
-    ),
-    "weigh": lambda _: _WEIGH,
-    "float": lambda _: "let it rise or sink freely, or weigh it in the water with a known ballast",
-    "incline": lambda _: _INCLINE,
-    "reverse": lambda _: _BOTH_WAYS,
-    "deflect": lambda m: f"deflect {m.of} in steps over its range at two forward speeds or more",
-    "fin-motor": lambda m: f"run steps of {m.of} with its angle logged, at 20 Hz or more",
-    "fin-lever": lambda m: f"measure the lever of {m.of} with a tape",
-    "thrust": lambda m: (
-        f"run {m.of} {m.part or 'both ways'} in steps over its range, or on the bench (bollard test)"
-    ),
-    "ratio": lambda m: f"run {m.of} ahead and astern in the same steps",
-    "wash": lambda m: f"run steps of {m.of} with the other groups at rest and at work",
-    "inflow": lambda m: f"run steps of revolutions of {m.of} at several speeds through the water",
-    "torque": lambda m: f"run steps of {m.of} alone with roll free, or measure its torque on the bench",
-    "motor": lambda m: f"run steps of {m.of} with its revolutions logged, at 20 Hz or more",
-    "lever": lambda m: (
-        f"run steps of {m.of} alone with {_axis(m.part)} free, or measure the lever with a tape"
-    ),
-    "tether": lambda m: (
-        "turn and run straight at two speeds or more with the tether paid out, and without it"
-        if m.of == "A_tether"
-        else "pull the tether taut and let the vehicle come back"
-    ),
-    "other": lambda _: "add a trial in which it acts",
-}
+_TAUT = "pull the tether taut and let the vehicle come back"
 
 
 def imperative(way: Manoeuvre) -> str:
@@ -96,9 +35,13 @@ def imperative(way: Manoeuvre) -> str:
     >>> imperative(manoeuvre(role("Z_uw", pushed="X")))
     'dive by the planes at two forward speeds or more'
     """
+    words = templates("coefficient_advice")
     if way.part == "unpushed":
-        return _UNPUSHED[way.kind, way.of]
-    return _MOTIONS.get((way.kind, way.of)) or _WAYS[way.kind](way)
+        return words[f"unpushed {way.kind}"][way.of]
+    if (known := words.get(way.kind, {}).get(way.of)) is not None:
+        return known
+    formats: Formats = {"axis": _axis, "tether": lambda name: _WITH_TETHER if name == "A_tether" else _TAUT}
+    return filled(words["way"][way.kind], {"of": way.of, "part": way.part}, formats)
 
 
 def of_role(role: Role) -> str:
@@ -145,14 +88,8 @@ def absorbed(names: Sequence[str], nuisance: str) -> Clauses:
     'T_t: cannot be separated from latency_r of turn'
     """
     trial, _, what = nuisance.rpartition(": ")
-    remedy = {
-        "current": "run the same leg in opposite directions, or a full circle",
-        "tilt": "record a minute at rest in trim",
-        "lever": "measure the sensor's place with a tape",
-        "latency": "add sharp steps, or measure the channel's latency on the bench",
-        "bias": "record a minute at rest, or calibrate the sensor",
-        "force": _BOTH_WAYS,
-    }.get(what.partition("_")[0], f"take {what} from another source")
+    other = f"take {what} from another source"
+    remedy = templates("coefficient_advice")["parted"].get(what.partition("_")[0], other)
     return f"{listed(names)}: cannot be separated from {what}{f' of {trial}' if trial else ''}", remedy
 
 
@@ -168,14 +105,7 @@ def strayed(name: str, value: str, *, away: float, prior: str) -> Clauses:
     'lever_x of trial turn is 1.2 m, 4 standard deviations from its prior (0 ± 0.3 m)'
     """
     trial, _, what = name.rpartition(": ")
-    check = {
-        "current": "compare the heading (declination, mounting) and the velocity with another source",
-        "tilt": "check how the frame of the positions was levelled and how the sensor is mounted",
-        "lever": "measure the position of the sensor with a tape",
-        "latency": "compare the clock of this channel with that of the commands",
-        "bias": "check the zero of this channel in a record at rest",
-        "force": "look for what pushed in this trial (a tether, a trim weight, a bent fin)",
-    }.get(what.partition("_")[0], f"check {what}")
+    check = templates("coefficient_advice")["strayed"].get(what.partition("_")[0], f"check {what}")
     where = f"trial{'s' if ', ' in trial else ''} {trial}" if trial else "all trials"
     return (
         f"{what} of {where} is {value}, {away:.2g} standard deviations from its prior ({prior})",
@@ -223,7 +153,9 @@ def _inertia(roles: Sequence[Role]) -> Clauses | None:
         return None
     if not rigid and len({role.force for role in added}) == 1:
         return "their accelerations keep one proportion", _ways(added)
-    sums = [f"{a.name} {_sign(a)} {b.name}" for a in rigid for b in added if _same_entry(a, b)]
+    # M_A is minus the derivatives; products of inertia enter I_O with a minus too.
+    signs = {role.name: "+" if len(role.force) == 2 else "-" for role in rigid}
+    sums = [f"{a.name} {signs[a.name]} {b.name}" for a in rigid for b in added if _same_entry(a, b)]
     if not sums:
         return None
     sums += ["the net weight m g - B" for role in rigid if weight and role.kind == "mass"]
@@ -242,11 +174,6 @@ def _same_entry(rigid: Role, added: Role) -> bool:
         return row == column < 3
     axes = sorted(AXES.index(letter) for letter in rigid.force)
     return sorted((row, column)) == (axes * 2 if len(axes) == 1 else axes)
-
-
-def _sign(rigid: Role) -> str:
-    """M_A is minus the derivatives; products of inertia enter I_O with a minus too."""
-    return "+" if len(rigid.force) == 2 else "-"
 
 
 def _munk(roles: Sequence[Role]) -> Clauses | None:

@@ -1,7 +1,7 @@
-"""The findings of a flight in words: the problem as a clause, and what to do about its root.
+"""What went wrong on a flight in words: the problem as a clause, what to do about its root, what watches saw.
 
 A wording per kind of `seatrial.flight.findings`. Held by ``tests/flight/test_findings.py``, which follows
-remedies as well, and ``tests/flight/test_reactions.py``.
+remedies as well, ``tests/flight/test_reactions.py`` and ``tests/flight/test_silence.py``.
 """
 
 from __future__ import annotations
@@ -10,16 +10,21 @@ import math
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from seatrial._core import autopilot_names
 from seatrial.base.finding import Finding
 from seatrial.flight.excesses import Excess
-from seatrial.flight.findings import reaction_key
-from seatrial.report.results.watches import cause, source
-from seatrial.report.results.watches import remedy as remedy_of_watch
+from seatrial.flight.findings import GROUPS, group, reaction_key
+from seatrial.flight.sensor_channels import CHANNELS_OF_GROUP, GROUP_OF_KIND
+from seatrial.report.results.phrases import Phrases, filled, templates
 
 if TYPE_CHECKING:
+    from seatrial.flight.log import FlightLog
+    from seatrial.flight.metrics import Leg
     from seatrial.verification.missions import CampaignFlights
 
-CHECK = "check signs and margins of the autopilot (seatrial check AUTOPILOT --vehicle VEHICLE)"
+_THEME = "flight_findings"
 
 ANOTHER = (
     "make one for this vehicle (seatrial autopilot VEHICLE), or hold the file against it (seatrial check"
@@ -27,7 +32,22 @@ ANOTHER = (
 )
 """What to do about an autopilot of another vehicle."""
 
-_FARTHER = "plan the legs farther from the bottom, or slow down before the depth changes"
+_SILENT_S = 1.5
+"""A sensor is silent where it shows nothing new for so long, s: longer than the periods of common sensors."""
+
+_JOINT = dict.fromkeys(("position wrong", "out of trim", "vehicle too slow", "loops too weak"), ": ")
+"""How a cause follows what it explains, where that is not by a semicolon."""
+
+
+def _table(name: str) -> dict[str, str]:
+    return templates(_THEME)[name]
+
+
+_own = Phrases(_THEME, "problem")
+"""The clause of a finding without its cause."""
+
+_cure = Phrases(_THEME, "remedy", {"down": lambda m_s: f"{math.floor(100.0 * m_s) / 100.0:.2f}"})
+"""What to do about a finding, where it is the root."""
 
 
 def problem(finding: Finding) -> str:
@@ -37,8 +57,9 @@ def problem(finding: Finding) -> str:
         chain.append(chain[-1].cause)
     if len(chain) > 1 and chain[-1].kind in ("pitch unstable", "pitch not held"):
         # What the user has to mend is said before what it led to, which may be the tilt itself.
-        after = where(finding) if finding.kind == "pitched over" else _own(finding)
-        return f"{_own(chain[-1])}{', ' if finding.kind == 'pitched over' else '; '}{after}"
+        if finding.kind == "pitched over":
+            return f"{_own(chain[-1])}, {filled(_table('parts')['where'], finding.values)}"
+        return f"{_own(chain[-1])}; {_own(finding)}"
     words = _own(finding)
     for link in chain[1:]:
         clause = _own(link)
@@ -52,7 +73,7 @@ def remedy(finding: Finding) -> str:
     while chain[-1].cause is not None:
         chain.append(chain[-1].cause)
     root = chain[-1].kind in ("pitch unstable", "pitch not held")
-    words = next(filter(None, (_REMEDIES[link.kind](link) for link in reversed(chain))), "")
+    words = next(filter(None, (_cure(link) for link in reversed(chain))), "")
     missed = finding.kind == "waypoint missed" and len(chain) > 1 and not root
     if missed and any(link.kind == "loop saturated" for link in chain):
         words += "; a longer leg does not help"
@@ -66,39 +87,13 @@ def doubting(flights: CampaignFlights, worst: str, next_step: str) -> tuple[str,
     return f"{problem(flights.doubt)}; {worst}", f"{ANOTHER}; then verify again"
 
 
-def _own(finding: Finding) -> str:
-    """The clause of a finding without its cause."""
-    return _PROBLEMS[finding.kind](finding)
-
-
-_JOINT = dict.fromkeys(("position wrong", "out of trim", "vehicle too slow", "loops too weak"), ": ")
-"""How a cause follows what it explains, where that is not by a semicolon."""
-
-
-def where(finding: Finding) -> str:
-    """When and where a finding was."""
-    return (
-        f"at {finding['at_s']:.1f} s, north {finding['north_m']:.1f} m, east {finding['east_m']:.1f} m,"
-        f' {finding["depth_m"]:.1f} m deep, on the way to "{finding["leg"]}"'
-    )
-
-
-def not_reached(label: str, values: Any) -> str:
+def not_reached(leg: Leg) -> str:
     """How near it came, as perceived, which decides whether the waypoint counts as reached, and in truth."""
-    return (
-        f'"{label}" not reached: the autopilot perceived it at {values["perceived_m"]:.2f} m at the nearest'
-        f" (radius {values['acceptance_m']:g} m), the true distance was {values['smallest_m']:.2f} m"
-    )
+    names = ("perceived_m", "acceptance_m", "smallest_m")
+    return _own.fill("waypoint missed", subject=leg.label, **{name: getattr(leg, name) for name in names})
 
 
-def _missed(finding: Finding) -> str:
-    words = not_reached(finding.subject, finding.values)
-    if "deep_m" not in finding.values:
-        return words
-    way = "deep" if finding["deep_m"] > 0.0 else "shallow"
-    return f"{words}, {finding['aside_m']:.1f} m aside and {abs(finding['deep_m']):.1f} m too {way}"
-
-
+@_cure.of("waypoint missed")
 def _missed_remedy(finding: Finding) -> str:
     if finding["loop"] == "heading":
         return (
@@ -111,72 +106,21 @@ def _missed_remedy(finding: Finding) -> str:
     )
 
 
-def _near(finding: Finding) -> str:
-    clear, reserve, promised = (finding[name] for name in ("clearance_m", "reserve_m", "promised_m"))
-    near = f"the hull came to {clear:.2f} m from" if clear > 0.0 else f"the hull was {-clear:.2f} m inside"
-    words = f"{near} an obstacle, {where(finding)}"
-    if math.isnan(promised):
-        return words
-    return (
-        f"{words}; the mission promises {promised:g} m{f', {-reserve:.2f} m more' if reserve < 0.0 else ''}"
-    )
-
-
-def _wrong_position(finding: Finding) -> str:
-    if math.isfinite(finding["off_m"]):
-        return f"the position that the autopilot was told was {finding['off_m']:.1f} m off there"
-    outage = finding["outage"]
-    return f"its position was wrong by so much{f' ({outage})' if outage else ''}"
-
-
-def _position_remedy(finding: Finding) -> str:
-    """What to do about a position that was wrong: what the flight did not have already.
-
-    A navigation filter bridges samples that are missing. Alone it takes an offset of the fix for the truth;
-    USBL and ranges to landmarks, which only the filter reads, show it (docs/validation.md, acoustics).
-    """
-    fixes = f"give it {source('position')}, or position fixes more often or more exact ones"
-    if finding["filtered"]:
-        return fixes
-    if finding["missing"]:
-        return f"{fixes}, or fly by the navigation filter (--navigation filter), which bridges the outage"
-    return f"{fixes}; USBL and ranges need --navigation filter, which alone does not find an offset"
-
-
-def _unstable(finding: Finding) -> str:
-    return (
-        f"pitch of {finding.subject} is unstable above {finding['from_m_s']:.2f} m/s, and no loop commands"
-        f" it; at up to {finding['flown_m_s']:.2f} m/s it pitched to {finding['pitch_deg']:.0f} deg"
-    )
-
-
-def _unstable_remedy(finding: Finding) -> str:
-    slower = f"fly at {math.floor(100.0 * finding['safe_m_s']) / 100.0:.2f} m/s or slower (speed_m_s)"
-    return (
-        f"{slower}, or raise the centre of buoyancy to {1e3 * finding['b_over_g_needed_m']:.0f} mm above the"
-        f" centre of gravity (now {1e3 * finding['b_over_g_m']:.0f} mm), or add thrusters that command pitch"
-    )
-
-
-def _not_held(finding: Finding) -> str:
-    return (
-        f'no loop of mode "{finding["mode"]}" holds the pitch of {finding.subject}, and it pitched to'
-        f" {finding['pitch_deg']:.0f} deg"
-    )
-
-
+@_own.of("out of trim")
 def _trim(finding: Finding) -> str:
     net, weight = finding["net_n"], finding["weight_n"]
     kind = "light" if net > 0.0 else "heavy"
     return f"the vehicle is too {kind} by {abs(net):.1f} N ({100.0 * abs(net) / weight:.1f} % of its weight)"
 
 
+@_cure.of("out of trim")
 def _trim_remedy(finding: Finding) -> str:
     change = "take out buoyancy or add ballast" if finding["net_n"] > 0.0 else "add buoyancy"
     faster = " or fly the leg faster, for the force of fins grows with the speed squared"
     return f"trim the vehicle ({change}){faster if finding.subject == 'pitch' else ''}"
 
 
+@_own.of("leg too steep")
 def _steep(finding: Finding) -> str:
     asked, flown = finding["asked_deg"], finding["flown_deg"]
     way = "descends" if finding["depth_m"] > 0.0 else "climbs"
@@ -188,13 +132,7 @@ def _steep(finding: Finding) -> str:
     )
 
 
-def _steep_remedy(finding: Finding) -> str:
-    longer = (
-        f"lengthen the leg to at least {finding['needed_m']} m, or begin the change of depth a leg earlier"
-    )
-    return f"{longer}; a larger acceptance radius would only hide it" if finding["missed"] else longer
-
-
+@_own.of("late")
 def _late(finding: Finding) -> str:
     took, planned, allowed = (finding[name] for name in ("took_s", "planned_s", "allowed_s"))
     words = f"it took {took:.0f} s, {took / planned:.2g} times the planned {planned:.0f} s"
@@ -208,12 +146,7 @@ def _late(finding: Finding) -> str:
     return f"{words} ({finding['made_good_m_s']:.2f} m/s made good, {finding['asked_m_s']:g} m/s asked for)"
 
 
-def _late_remedy(finding: Finding) -> str:
-    if not finding.subject:
-        return "allow more time, or plan for the speed that the vehicle makes good"
-    return "plan the legs for the speed that the vehicle makes good in this water, or allow more time"
-
-
+@_own.of("off course")
 def _off_course(finding: Finding) -> str:
     words = f'{finding["error"]} error of {finding["error_m"]:.2f} m on the way to "{finding.subject}", more'
     words += f" than its acceptance radius of {finding['acceptance_m']:g} m"
@@ -225,6 +158,7 @@ def _off_course(finding: Finding) -> str:
     )
 
 
+@_cure.of("off course")
 def _off_course_remedy(finding: Finding) -> str:
     if finding["error"] == "vertical":
         return f"lengthen the leg or slow it down; then tune the {finding['loop']} loop (seatrial tune)"
@@ -235,6 +169,7 @@ def _off_course_remedy(finding: Finding) -> str:
     return f"{turn}, or tune {keys} under [guidance] of the autopilot file"
 
 
+@_own.of("safety reaction")
 def _reaction(finding: Finding) -> str:
     outage = f" ({finding['outage']})" if finding["outage"] else ""
     words = f"the safety called for {finding['reaction']} at {finding['called_s']:.1f} s, because"
@@ -254,6 +189,7 @@ def still_down(vehicle: str, ascent: Any) -> str:
     return f"{words} {went} {depth:.1f} m"
 
 
+@_cure.of("safety reaction")
 def _reaction_remedy(finding: Finding) -> str:
     if finding.values.get("ended") in ("sank", "stayed"):
         return _come_up(finding)
@@ -283,108 +219,6 @@ def _come_up(finding: Finding) -> str:
     )
 
 
-def saturation(finding: Finding) -> str:
-    """How long a loop was saturated, and what it asked for at most, a sentence."""
-    return (
-        f"The {finding.subject} loop was saturated for {100.0 * finding['share']:.0f} % of its time; its"
-        f" largest demand was {finding['demand']:.3g} {finding['unit']}."
-    )
-
-
-_PROBLEMS: dict[str, Callable[[Finding], str]] = {
-    "diverged": lambda _: "the motion diverged",
-    "another vehicle": lambda f: (
-        f"the autopilot was made for {f['made_for']}, and {f.subject} flies"
-        if f["made_for"]
-        else f"the autopilot {f['autopilot']} does not fit {f.subject}"
-    ),
-    "vehicle too slow": lambda f: (
-        f"at the crossover of its {f.subject} loop the delay of this vehicle costs {f['phase_deg']:.0f} deg"
-        " of phase, by its gains and the apparent mass alone, and may leave little margin"
-    ),
-    "loops too weak": lambda f: (
-        f"its loops ask for at most {100.0 * f['share']:.0f} % of what the actuators of this vehicle give"
-        f" ({f.subject})"
-    ),
-    "loops doubtful": lambda _: "",
-    "too near": _near,
-    "bottom touched": lambda f: f"{f.subject} touched the bottom, {where(f)}",
-    "too low": lambda f: (
-        f"{f.subject} came to {f['altitude_m']:.2f} m above the bottom, {where(f)}; the mission's least"
-        f" altitude is {f['limit_m']:g} m"
-    ),
-    "outside the fence": lambda f: (
-        f"{f.subject} was up to {f['beyond_m']:.1f} m outside the mission's fence, {where(f)}"
-    ),
-    "too deep": lambda f: (
-        f"{f.subject} went {f['deepest_m']:.2f} m deep, {where(f)}; the mission's largest depth is"
-        f" {f['limit_m']:g} m"
-    ),
-    "safety reaction": _reaction,
-    "waypoint out of time": lambda f: f'"{f.subject}" was not reached: {f["outcome"]}',
-    "waypoint missed": _missed,
-    "position wrong": _wrong_position,
-    "loop saturated": lambda f: (
-        f"the {f.subject} loop was saturated for {100.0 * f['share']:.0f} % {f['of']}"
-    ),
-    "out of trim": _trim,
-    "leg too steep": _steep,
-    "pitch unstable": _unstable,
-    "pitch not held": _not_held,
-    "pitched over": lambda f: (
-        f"{f.subject} pitched to {f['pitch_deg']:.0f} deg, {where(f)}; more than {f['limit_deg']:g} deg is"
-        " beyond what coefficients and loops are made for"
-    ),
-    "left the water": lambda f: (
-        f"{f.subject} rose to {f['height_m']:.1f} m above the surface, {where(f)}: it leapt out of the water,"
-        " which coefficients and loops are not made for"
-    ),
-    "late": _late,
-    "off course": _off_course,
-    "thrust table exceeded": lambda f: str(f["sentence"]),
-    "loop busy": saturation,
-}
-"""The clause of each kind."""
-
-_SHALLOW = "begin deeper ([start] depth_m) or under way, and limit the pitch (pitch_max_deg)"
-
-_REMEDIES: dict[str, Callable[[Finding], str]] = {
-    "diverged": lambda _: CHECK,
-    "loops doubtful": lambda _: CHECK,
-    "too near": lambda _: (
-        "lay the way farther out (margin_m of the perimeter, or other waypoints), slow down before stops, or"
-        " wait for less current; seatrial check with --vehicle, --autopilot and --current tells beforehand"
-    ),
-    "bottom touched": lambda _: _FARTHER,
-    "too low": lambda _: _FARTHER,
-    "outside the fence": lambda _: "plan the legs and their turns farther inside the fence, or widen it",
-    "too deep": lambda _: "plan shallower legs, or raise the mission's largest depth",
-    "safety reaction": _reaction_remedy,
-    "waypoint out of time": lambda _: (
-        "give the flight more time (--max-time), or a speed that the vehicle can hold in this current"
-    ),
-    "waypoint missed": _missed_remedy,
-    "position wrong": _position_remedy,
-    "loop saturated": lambda _: "fly faster if fins steer it, or fit stronger actuators",
-    "out of trim": _trim_remedy,
-    "leg too steep": _steep_remedy,
-    "pitch unstable": _unstable_remedy,
-    "pitch not held": lambda f: (
-        f'add "pitch" to the loops of mode "{f["mode"]}" in the autopilot file: the actuators can command it'
-        " (seatrial autopilot gives start gains)"
-    ),
-    "pitched over": lambda _: _SHALLOW,
-    "left the water": lambda _: _SHALLOW,
-    "late": _late_remedy,
-    "off course": _off_course_remedy,
-    "thrust table exceeded": lambda _: (
-        "fly with a supply that the table was measured at (--voltage), or measure it there"
-    ),
-    "loop busy": lambda _: "lower the speed or the gains of this loop; its actuators have no more to give",
-}
-"""What to do about each kind, where it is the root."""
-
-
 UNKEPT = {
     "too_near": "too near to an obstacle",
     "bottom_touched": "the bottom touched",
@@ -393,36 +227,10 @@ UNKEPT = {
 }
 """What a flight did not keep, by kind of excess: after "flown to its end"."""
 
-_DID = {
-    "too_near": "came too near to an obstacle",
-    "bottom_touched": "touched the bottom",
-    "too_low": "came below the mission's least altitude of {limit:g} m",
-    "too_deep": "went beyond the mission's largest depth of {limit:g} m",
-    "above_surface": "rose above the surface",
-    "too_steep": "pitched beyond {limit:g} deg",
-    "not_complete": "did not end complete",
-    "battery": "used more energy than the battery of {limit:g} Wh holds",
-}
-
 
 def exceeded(excess: Excess) -> str:
     """What flights of a kind of excess did, after "missions" or the like."""
-    return _DID[excess.kind].format(limit=excess.limit)
-
-
-def _how_far(excess: Excess) -> str:
-    """What the worst flight came to."""
-    value, limit = excess.value, excess.limit
-    if excess.kind == "too_near":
-        where = f"{value:.2f} m away" if value > 0.0 else f"{-value:.2f} m inside"
-        return where + (f" (promised: {limit:g} m)" if limit > 0.0 else "")
-    return {
-        "bottom_touched": f"{-value:.2f} m below it",
-        "above_surface": f"{-value:.1f} m high",
-        "too_steep": f"{value:.0f} deg",
-        "not_complete": "the first of them",
-        "battery": f"{value:.1f} Wh",
-    }.get(excess.kind, f"{value:.2f} m")
+    return filled(_table("did")[excess.kind], {"limit": excess.limit})
 
 
 def excess_clauses(
@@ -434,6 +242,78 @@ def excess_clauses(
     """
     return [
         f"{excess.count} of {excess.of} {what} {exceeded(excess)}, the worst is {name(excess.worst)}:"
-        f" {_how_far(excess)}{'' if math.isnan(excess.at_s) else f' at {excess.at_s:.1f} s'}"
+        f" {filled(_table('worst')[excess.kind], {'value': excess.value, 'limit': excess.limit})}"
+        f"{'' if math.isnan(excess.at_s) else f' at {excess.at_s:.1f} s'}"
         for excess in excesses
     ]
+
+
+def cause(watch: str) -> str:
+    """What a watch saw, to follow "because".
+
+    Examples
+    --------
+    >>> cause("stale_velocity")
+    'no good sample of the velocity over ground arrived for too long'
+    """
+    return (
+        _table("saw").get(watch)
+        or f"no good sample of the {GROUPS[watch.removeprefix('stale_')]} arrived for too long"
+    )
+
+
+def source(missed: str) -> str:
+    """What else tells an autopilot a group of channels, to follow "give it".
+
+    Examples
+    --------
+    >>> source("velocity")
+    'another source of the velocity over ground'
+    """
+    if missed == "position":
+        return "a position aid (a GPS fix at the surface, USBL, or ranges to landmarks: the how-to on flying)"
+    return f"another source of the {GROUPS[missed]}"
+
+
+def remedy_of_watch(watch: str, outage: str = "") -> str:
+    """What to do after a watch called for a reaction; `outage`: the one that was asked for and is the reason.
+
+    Examples
+    --------
+    >>> remedy_of_watch("fence")
+    'plan the legs farther inside the fence, or widen it'
+    """
+    if watch in _table("after"):
+        return _table("after")[watch]
+    name = GROUPS[group(watch)]
+    longer = f"allow a longer gap ({watch}.after_s under [safety] in the autopilot file)"
+    if outage:
+        return f"give it {source(group(watch))}, or {longer}"
+    return f"find out why the {name} stopped arriving, or {longer}"
+
+
+def silence(flight: FlightLog, watch: str, at_s: float) -> str:
+    """Whether the samples that a watch missed never came, or came and were refused, to follow its cause.
+
+    The log keeps what the sensors showed: a group was silent while none of its channels changed. Empty where
+    the autopilot goes by an estimate, or by perfect sensors, which may rightly repeat a value.
+    """
+    missed, around = group(watch), flight.circumstances
+    sensors = around.sensors or {}
+    kinds = [kind for kind in sensors if GROUP_OF_KIND.get(kind) == missed]
+    if around.navigation != "sensors" or not any(sensors[kind].get("noise") for kind in kinds):
+        return ""
+    names = autopilot_names()["channels"]
+    shown = np.stack([flight.measured[names[c]] for c in CHANNELS_OF_GROUP[missed]], axis=1)
+    came = flight.t[np.flatnonzero(np.any(np.diff(shown, axis=0) != 0.0, axis=1)) + 1]
+    before, after = came[came < at_s], came[came >= at_s]
+    last = float(before[-1]) if len(before) else 0.0
+    if at_s - last < _SILENT_S:
+        return "; samples came, and none was believed: they jumped, or a channel repeated one value"
+    until = f"until {after[0]:.1f} s" if len(after) else "to the end"
+    ends = [outage.until_s for outage in around.outages if outage.group == missed]
+    over = max((end for end in ends if last < end < at_s), default=None)
+    longer = (
+        "" if over is None else f": beyond the outage that ended at {over:.1f} s, by drop-outs of its own"
+    )
+    return f"; {' and '.join(kinds)} gave no sample from {last:.1f} s {until}{longer}; none was refused"

@@ -38,14 +38,7 @@ _NEAR_ONE = 0.985  # R2 that two digits round to 0.99
 
 
 def report(fit: Identification, *, truth: Mapping[str, float] | None = None) -> Report:
-    """Three lines, coefficients, scores, what they mean, stages and advice.
-
-    Parameters
-    ----------
-    fit : Identification
-    truth : mapping of str to float, optional
-        True coefficients of generated trials, shown beside the estimates.
-    """
+    """Three lines, coefficients beside their `truth` where it is known, scores, what they mean, advice."""
     worst, next_step = _worst(fit)
     tables = (
         _coefficient_table(fit, truth or {}),
@@ -59,6 +52,8 @@ def report(fit: Identification, *, truth: Mapping[str, float] | None = None) -> 
         _proposal_table(fit),
         _event_table(fit),
     )
+    meant = [(name, f"{value:.4g}") for name, value in derived(fit.vehicle).items()]
+    meaning = Table.of("What the coefficients mean", ("quantity", "value"), meant)
     return Report(
         title=fit.problem.name,
         outcome="interrupted" if fit.interrupted else fit.tally.outcome,
@@ -66,7 +61,7 @@ def report(fit: Identification, *, truth: Mapping[str, float] | None = None) -> 
         worst=worst,
         next_step=next_step,
         sections=(
-            Section(tables=(*tables, _meaning_table(fit), _stage_table(fit))),
+            Section(tables=(*tables, meaning, _stage_table(fit))),
             Section(tables=(_score_table(fit),), details=True),
             Section("Remarks", (*filter(None, [fit.doubt]), *advice(fit)), details=True),
         ),
@@ -484,12 +479,6 @@ def _events(fit: Identification) -> list[str]:
             )
         lines.append(line)
     return lines
-
-
-def _meaning_table(fit: Identification) -> Table:
-    """Apparent masses, net buoyancy, gains and lags."""
-    rows = [(name, f"{value:.4g}") for name, value in derived(fit.vehicle).items()]
-    return Table.of("What the coefficients mean", ("quantity", "value"), rows)
 
 
 def _stage_table(fit: Identification) -> Table:

@@ -44,6 +44,9 @@ def _imported(made: Imported) -> Report:
     partial = any(log.notes for log in made.survey.logs)
     partial |= bool(made.refused or _left_out(made) or _lost(made))
     actuators = sum(name.startswith("cmd.") for name in made.columns)
+    channels = [c for c in CHANNELS if any(c in imported.trial.channels for imported in made.trials)]
+    # What was done in each trial, and what of it judges the result.
+    done = tuple(f"trial {each.name}: {each.kind.done}; {each.why}" for each in made.trials)
     reports = {imported.name: imported.trial.report for imported in made.trials}
     proposed = proposals({imported.name: imported.consistency for imported in made.trials}, reports)
     applied = "none applied" + (" except where marked" if any(p.done for p in proposed) else "")
@@ -53,7 +56,7 @@ def _imported(made: Imported) -> Report:
         outcome="imported in part" if partial else "imported",
         good=(
             f"{count} trial{'s' if count != 1 else ''}, {seconds:.0f} s in all, with"
-            f" {' '.join(_channels(made)) or 'no channel'} and {actuators} commands; vehicle:"
+            f" {' '.join(channels) or 'no channel'} and {actuators} commands; vehicle:"
             f" {made.vehicle_source}"
         ),
         worst=problems[0] if problems else "nothing was found wrong",
@@ -61,7 +64,7 @@ def _imported(made: Imported) -> Report:
         sections=(
             Section("Look at this", tuple(problems[1 : SETTINGS.shown])),
             Section("Columns", tables=(_columns(made),)),
-            Section("Trials", tuple(_done(made)), (_trials(made), _modes(made))),
+            Section("Trials", done, (_trials(made), _modes(made))),
             Section(
                 f"Proposed corrections, {applied}: comments in campaign.toml and map.toml",
                 tuple(imported.text for imported in proposed),
@@ -79,10 +82,6 @@ def _imported(made: Imported) -> Report:
             ),
         ),
     )
-
-
-def _channels(made: Imported) -> list[str]:
-    return [c for c in CHANNELS if any(c in imported.trial.channels for imported in made.trials)]
 
 
 def _left_out(made: Imported) -> list[str]:
@@ -254,12 +253,6 @@ def _next(made: Imported) -> str:
         return f"fill in {file}, then seatrial check {file}"
     file = shlex.quote(f"{made.folder}/campaign.toml")
     return f"seatrial check {file}, then seatrial identify {file}"
-
-
-def _done(made: Imported) -> Iterator[str]:
-    """What was done in each trial, and what of it judges the result."""
-    for imported in made.trials:
-        yield f"trial {imported.name}: {imported.kind.done}; {imported.why}"
 
 
 def _columns(made: Imported) -> Table:

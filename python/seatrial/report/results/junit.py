@@ -36,21 +36,7 @@ _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 @dataclass(frozen=True)
 class JUnitCase:
-    """What came out for a requirement.
-
-    Parameters
-    ----------
-    mission, requirement : str
-        Their names; of several missions together "all missions".
-    verdict : {"held", "failed", "undecided", "not judged", "error"}
-        ``error``: the mission could not be flown.
-    message : str
-        The verdict in one line.
-    details : str
-        More lines: causes, the worst runs and how to fly them again.
-    time_s : float
-        Time that it took.
-    """
+    """What came out for a requirement of a mission (or "all missions"): verdict, a line, causes, time, s."""
 
     mission: str
     requirement: str
@@ -70,17 +56,8 @@ def junit_xml(
 ) -> str:
     """JUnit XML of a campaign, a text to be written in UTF-8.
 
-    Parameters
-    ----------
-    name : str
-        Of the campaign.
-    outcomes : sequence of JUnitCase
-    properties : mapping of str to object, optional
-        Seed, versions and whatever else is needed to fly it again.
-    at : datetime, optional
-        When it began; left out, the same verdicts give the same file.
-    undecided : {"failure", "skipped"}
-        What an undecided requirement is to a build.
+    `properties`: seed, versions and whatever else is needed to fly it again. `at`: when it began; left out,
+    the same verdicts give the same file. `undecided`: what an undecided requirement is to a build.
 
     Examples
     --------

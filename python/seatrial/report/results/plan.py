@@ -1,13 +1,20 @@
-"""The words of a planned trial: manoeuvres, expected deviations, what stays unknown."""
+"""The words of planned and of simulated trials: manoeuvres, what they tell, how far and fast a run went.
+
+Held by ``tests/experiment/test_plan.py`` and ``tests/trial/test_simulation.py``.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import singledispatch
 
 from seatrial.base.channels import DEGREE
+from seatrial.base.finding import Finding
 from seatrial.base.report import Report, Section, Table
 from seatrial.experiment.plan import IDENTIFIED, PLAN_SETTINGS, START, VEHICLE, Plan, Ranked
+from seatrial.trial.simulation import SETTINGS as SIMULATION_SETTINGS
+from seatrial.trial.simulation import SimulatedTrial
 
 _AT = {
     VEHICLE: "",
@@ -31,7 +38,14 @@ class PlanWordsSettings:
 SETTINGS = PlanWordsSettings()
 
 
-def report(plan: Plan) -> Report:
+@singledispatch
+def report(result: object) -> Report:
+    """Report of a plan, or of a simulated trial."""
+    raise TypeError(f"expected a plan or a simulated trial, found {type(result).__name__}")
+
+
+@report.register
+def _plan(plan: Plan) -> Report:
     """Three lines, the manoeuvres and what they are expected to tell."""
     first, count = plan.sequence[0].manoeuvre, len(plan.sequence)
     unknown = _still_unknown(plan)
@@ -193,3 +207,65 @@ def _times(ranked: Ranked) -> str:
 
 def _number(value: float) -> str:
     return f"{value:.3g}"
+
+
+_DECIMALS = {"s": 1, "m": 2, "m/s": 3, "deg": 1}
+
+
+@report.register
+def _simulated(made: SimulatedTrial, title: str, next_step: str) -> Report:
+    """Three lines and a table of the whole run."""
+    summary = made.summary()
+    rows = [(name, _quantity(name, value)) for name, value in summary.items()]
+    return Report(
+        title=title,
+        outcome="simulated",
+        good=(
+            f"{summary['distance, m']:.1f} m in {summary['duration, s']:.1f} s, largest speed"
+            f" {summary['largest speed, m/s']:.3f} m/s"
+        ),
+        worst="; ".join(map(problem, made.findings()))
+        or "nothing stands out: the run is finite and stays below the surface",
+        next_step=next_step,
+        sections=(Section(tables=(Table.of("Whole run", ("quantity", "value"), rows),)),),
+    )
+
+
+def problem(finding: Finding) -> str:
+    """A finding of a simulated run, a clause."""
+    if finding.kind == "leaves the water":
+        return (
+            f"the vehicle rises {finding['rise_m']:.2f} m above the surface, of which the run knows nothing;"
+            " state it (--surface 0), or start deeper, with a column z_m"
+        )
+    if finding.kind == "no load cell":
+        return "the pull of the tied vehicle is not in the log: these sensors have no load_cell"
+    return _clipped(finding)
+
+
+def _clipped(finding: Finding) -> str:
+    unit, neutral = finding["unit"], finding["neutral"]
+    at = f" about {neutral:g}" if neutral else ""
+    others = finding["others"]
+    return (
+        f"{100.0 * finding['share']:.0f} % of the commands of {finding.subject} are beyond its limit of"
+        f" {finding['limit']:g} {unit}{at} and are held there, the largest is"
+        f" {neutral + finding['largest']:g} {unit}{_other_unit(finding)}"
+        + (f"; so are commands of {', '.join(others)}" if others else "")
+    )
+
+
+def _other_unit(finding: Finding) -> str:
+    """Which unit a command may be in that no actuator of this one takes."""
+    largest = abs(finding["largest"])
+    if finding["unit"] == "rad" and largest > SIMULATION_SETTINGS.no_angle_rad:
+        return ": are these degrees?"
+    if finding["unit"] == "N" and largest > SIMULATION_SETTINGS.no_force * finding["limit"]:
+        return ": are these revolutions per minute?"
+    return ""
+
+
+def _quantity(name: str, value: float) -> str:
+    """A quantity of the summary with the decimals that its unit deserves; no minus before zero."""
+    decimals = _DECIMALS[name.rsplit(", ", 1)[1]]
+    return f"{round(value, decimals) + 0.0:.{decimals}f}"

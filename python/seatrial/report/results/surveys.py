@@ -202,7 +202,7 @@ def _falsification(result: Falsification) -> Report:
     worst, then = "no requirement can be searched", "add a number that comes near its limit"
     if bad:
         entry = max(bad, key=lambda each: -each.worst)
-        worst = f"{entry.requirement.name} fails: {_told(entry)}"
+        worst = f"{entry.requirement.name} fails: {', '.join(disturbance(entry)[:3])}"
         then = "fly it (its folder is below), mend what it shows, and add cases.toml to the campaign"
     elif tried:
         entry = min(tried, key=lambda each: each.worst)
@@ -233,11 +233,6 @@ def _falsification(result: Falsification) -> Report:
             Section("Not searched", _not_judged(result.requirements)),
         ),
     )
-
-
-def _told(entry: FalsifiedRequirement) -> str:
-    """The least disturbance in a few words."""
-    return ", ".join(disturbance(entry)[:3])
 
 
 def disturbance(entry: FalsifiedRequirement) -> list[str]:

@@ -1,32 +1,100 @@
-"""Findings about recordings in words: the problem as a clause, and what to do about it.
+"""What readers and checks find in recordings, in words, and the report on how well channels agree.
 
-A wording per kind. Held by ``tests/inspect/test_wiring.py`` and ``tests/inspect/test_consistency_trials.py``.
+`note`: what reading a log left out or assumed. `message`: what reading a trial found about a channel.
+`sentence`: what channels tell of one another. `problem` and `remedy`: what spoils a trial.
+
+Held by ``tests/logs/test_logs.py``, ``tests/inspect/test_wiring.py``, ``tests/inspect/test_consistency.py``
+and ``tests/inspect/test_consistency_trials.py``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
+from seatrial.base.errors import printable
 from seatrial.base.finding import Finding, Severity
-from seatrial.base.report import listed
+from seatrial.base.report import Report, Section, Table, listed
+from seatrial.inspect.corrections import Consistency, SlowCurrent
+from seatrial.logs.delimited import shared_name
+from seatrial.logs.names import KNOWN_UNITS
+from seatrial.report.results.phrases import Phrases, filled, templates
 from seatrial.trial.signals import RecordingFinding
 
+_THEME = "trial_findings"
 
-def problem(finding: Finding) -> str:
-    """The problem, a clause; it names the trial where the finding does."""
-    return _PROBLEMS[finding.kind](finding)
+# What reading a log left out or assumed.
 
-
-def remedy(finding: Finding) -> str:
-    """What to do about a finding."""
-    return _REMEDIES[finding.kind](finding)
-
-
-def _trial(finding: Finding) -> str:
-    return f"trial {finding.subject}: " if finding.subject else ""
+note = Phrases(
+    _THEME, "note", {"lacking": lambda n: "an attitude" if n == 3 else "all of north, east and down"}
+)
+"""A note of a reader, a clause."""
 
 
+@note.of("bytes lost")
+def _bytes_lost(finding: Finding) -> str:
+    """How much is no whole message; in how many places, where and since when, as far as the reader knows."""
+    lost, size, places = finding["lost"], finding["size"], finding["places"]
+    since = finding.values.get("since_s", math.nan)
+    after = f" ({since:.1f} s after the start of the autopilot)" if math.isfinite(since) else ""
+    if "longest" in finding.values:
+        where = f"from byte {finding['byte']:,} on{after}"
+        if places > 1:
+            where = f"in {places:,} places, the longest of {finding['longest']:,} bytes {where}"
+    else:
+        where = f"in {places:,} place{'s' if places > 1 else ''}"
+        where += f", the first from byte {finding['byte']:,} on" if "byte" in finding.values else ""
+    what = "are damaged" if finding["records"] else "are no whole messages"
+    share = f"{lost:,} of {size:,} bytes ({100.0 * lost / size:.2g} %)"
+    return f"{share} {what}, {where}; they were skipped, the others read"
+
+
+@note.of("names shared")
+def _names_shared(finding: Finding) -> str:
+    called = ", ".join(f'"{printable(name)}"' for name in finding["called"])
+    shared = shared_name(finding.subject, finding["places"])
+    return f"{shared}; here they are called {called}: rename them in the file"
+
+
+@note.of("depth")
+def _depth(finding: Finding) -> str:
+    surface = {
+        "lowest": "the lowest one is taken for the surface",
+        "gauge": f"less than the air's, {finding['lowest_pa']:.3g} Pa, so taken as above it",
+    }.get(finding["surface"], f"{finding['surface_pa']:g} Pa is the surface")
+    density = f"{finding['rho_kg_m3']:g} kg/m3; in fresh water depths are 2.5 % more"
+    return f"depth from pressure: {surface}, {density}"
+
+
+@note.of("pressure too small")
+def _small_pressure(finding: Finding) -> str:
+    depth = finding["depth_m"]
+    guesses = ", ".join(f"{size * depth:.3g} m if {unit}" for unit, size in finding["units"].items())
+    return (
+        f"pressures reach {finding['highest_pa']:.3g} Pa, {depth:.2g} m of water: expected a pressure in Pa,"
+        f" found one in another unit ({guesses}); give its unit in map.toml"
+    )
+
+
+@note.of("unit not known")
+def _unit_not_known(finding: Finding) -> str:
+    values = {**finding.values, "subject": finding.subject, "known": KNOWN_UNITS}
+    return note.fill("unit not known", **values)
+
+
+# What spoils a trial.
+
+problem = Phrases(_THEME, "problem")
+"""The problem, a clause; it names the trial where the finding does."""
+
+remedy = Phrases(_THEME, "remedy")
+"""What to do about a finding."""
+
+
+@problem.of("wiring")
 def _wiring(finding: Finding) -> str:
     reversed_, faults = finding["reversed"], []
     if reversed_:
@@ -37,12 +105,14 @@ def _wiring(finding: Finding) -> str:
         f"{100.0 * after:.0f} % instead of {100.0 * max(before, 0.0):.0f} % of {axis}"
         for axis, (before, after) in finding["explained"].items()
     )
+    trial = f"trial {finding.subject}: " if finding.subject else ""
     return (
-        f"{_trial(finding)}wiring: {' and '.join(faults)}: so the commands explain {shares} beyond damping"
+        f"{trial}wiring: {' and '.join(faults)}: so the commands explain {shares} beyond damping"
         f" (log-likelihood {finding['evidence']:.0f} higher)"
     )
 
 
+@remedy.of("wiring")
 def _wiring_remedy(finding: Finding) -> str:
     reversed_, cures = finding["reversed"], []
     if reversed_:
@@ -58,119 +128,47 @@ def _wiring_remedy(finding: Finding) -> str:
     return f"{' and '.join(cures)}; check in the water"
 
 
-def _beyond(finding: Finding) -> str:
-    return (
-        f"{_trial(finding)}command of {finding['command']} reaches {finding['reached']:g}, and its limit is"
-        f" {finding['limit']:g} (beyond it in {100.0 * finding['share']:.0f} % of the samples)"
-    )
+# What reading a trial found about a channel.
 
+_masked = Phrases(_THEME, "masked")
+"""Why samples are masked, a clause of each kind."""
 
-def _late(finding: Finding) -> str:
-    word = "late" if finding["delay_s"] > 0.0 else "early"
-    return (
-        f"the velocity of trial {finding.subject} is {abs(finding['delay_s']):.2f} s {word} (it differs from"
-        f" the rate of depth by {finding['before']:.3g} m/s rms, without the delay by"
-        f" {finding['after']:.3g}), and the log has too few positions to correct this on reading,"
-        " so forces are fitted at the wrong times"
-    )
+_cause = Phrases(_THEME, "cause")
+"""The same of kinds of which a message says more than that."""
 
-
-def _late_remedy(finding: Finding) -> str:
-    return (
-        f"run seatrial check {finding['problem']} and paste its proposal ({finding['line']} under"
-        " [corrections])"
-    )
-
-
-_PROBLEMS: dict[str, Callable[[Finding], str]] = {
-    "wiring": _wiring,
-    "command beyond limit": _beyond,
-    "late velocity": _late,
-}
-
-_REMEDIES: dict[str, Callable[[Finding], str]] = {
-    "wiring": _wiring_remedy,
-    "command beyond limit": lambda _: "check the unit of the column and the limits in the vehicle file",
-    "late velocity": _late_remedy,
-}
+_message = Phrases(
+    _THEME,
+    "message",
+    {
+        "hertz": lambda step_s: f"{1.0 / step_s:.3g} Hz",
+        "origin": lambda origin: "the attitude" if origin == ("attitude",) else "position and attitude",
+    },
+)
 
 
 def message(finding: RecordingFinding) -> str:
     """What reading found about a channel, to follow its name and the number of samples that it concerns."""
-    if finding.kind in _MASKED:
+    if finding.kind in _masked.kinds:
         after = "the value before is held" if finding.values.get("held") else "masked"
-        return f"{_MASKED[finding.kind](finding)}; {after}"
-    return _MESSAGES[finding.kind](finding)
+        return f"{_masked(finding)}; {after}"
+    return _message(finding)
 
 
-def _many(finding: RecordingFinding, noun: str) -> str:
-    return noun if finding.count == 1 else f"{noun}s"
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * share:.0f} %"
-
-
-def _unit_quaternions(finding: RecordingFinding) -> str:
-    what = "sample is no unit quaternion" if finding.count == 1 else "samples are no unit quaternions"
+@_message.of("mostly masked")
+def _mostly_masked(finding: RecordingFinding) -> str:
+    cause, why = finding.cause, "missing samples"
+    if isinstance(cause, RecordingFinding):
+        words = _cause if cause.kind in _cause.kinds else _masked
+        why = f"{cause.count or ''} {words(cause)} ({cause.subject})".strip()
     return (
-        f"{what} (length {finding['shortest']:.2f} to {finding['longest']:.2f}), as linear interpolation over"
-        " a sign flip leaves them"
+        f"{100.0 * finding['share']:.0f} % of the samples are masked, most of them for {why}; look at these"
+        " samples, and give another column or a part of the log if they are wrong"
     )
 
 
-def _codes(finding: RecordingFinding) -> str:
-    named = ", ".join(f"{code:.10g}" for code in finding["codes"])
-    more = f" and {finding['more']} more" if finding["more"] else ""
-    return f"samples of {named}{more} stand for no sample"
-
-
-_MASKED: dict[str, Callable[[RecordingFinding], str]] = {
-    "rows repeated": lambda f: (
-        "rows repeat the row before in every sensor: gaps that the logger filled, the longest"
-        f" {f['longest_s']:.2f} s"
-    ),
-    "frozen": lambda f: (
-        f"{_many(f, 'frozen sample')} in {f['drop_outs']} drop-out{'' if f['drop_outs'] == 1 else 's'}"
-    ),
-    "zeros": lambda f: "samples of zeros stand for no sample",
-    "no unit quaternion": _unit_quaternions,
-    "codes": _codes,
-    "not finite": lambda f: _many(f, "NaN or infinite sample"),
-    "gaps in time": lambda f: f"{_many(f, 'gap')} in time, the longest {f['longest_s']:.2f} s",
-    "only fixes": lambda f: f"known in {_percent(f['share'])} of the record only, as fixes at the surface",
-}
-"""Why samples are masked, a clause of each kind."""
-
-
-def _cause_of_masks(finding: RecordingFinding) -> str:
-    cause = finding.cause
-    if not isinstance(cause, RecordingFinding):
-        return "missing samples"
-    words = _CAUSES.get(cause.kind) or _MASKED[cause.kind]
-    return f"{cause.count or ''} {words(cause)} ({cause.subject})".strip()
-
-
-def _jumps(finding: RecordingFinding) -> str:
-    return f"{_many(finding, 'jump')} faster than any ordinary motion"
-
-
-def _uncommanded(finding: RecordingFinding) -> str:
-    spans = ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in finding["longest"])
-    more = f" and {finding['shorter']} shorter ones" if finding["shorter"] else ""
-    return (
-        f"{', '.join(finding['actuators'])}: no command from {spans}{more}, otherwise one every"
-        f" {finding['usual_s']:.2g} s"
-    )
-
-
-_CAUSES: dict[str, Callable[[RecordingFinding], str]] = {
-    "clock jumped": _MASKED["gaps in time"],
-    "jumps": _jumps,
-    "spikes": lambda f: _many(f, "spike"),
-    "uncommanded": _uncommanded,
-}
-"""The same of kinds that say more than that."""
+@_message.of("attitude convention")
+def _convention(finding: RecordingFinding) -> str:
+    return f"{convention(finding.values)}; left as recorded"
 
 
 def convention(finding: Mapping[str, Any]) -> str:
@@ -189,74 +187,12 @@ def convention(finding: Mapping[str, Any]) -> str:
     gyro = ', or the gyro has them (give frame = "FLU" to p_deg_s, q_deg_s and r_deg_s)'
     return (
         f"the attitude has another convention than the map says: {', and '.join(faults)}"
-        f"{gyro if finding['gyro_instead'] else ''}; so it explains {_percent(finding['share'])} of the"
-        f" motion that gyro and velocity show, and {_percent(finding['before'])} as mapped"
+        f"{gyro if finding['gyro_instead'] else ''}; so it explains {100.0 * finding['share']:.0f} % of the"
+        f" motion that gyro and velocity show, and {100.0 * finding['before']:.0f} % as mapped"
     )
 
 
-def _no_latency(finding: RecordingFinding) -> str:
-    if "searched_s" in finding.values:
-        return (
-            "latency not estimated: what fits best lies at the end of the range of +/-"
-            f" {finding['searched_s']:g} s that is searched"
-        )
-    return "latency not estimated: too little motion or too few valid samples"
-
-
-def _latency_removed(finding: RecordingFinding) -> str:
-    late = "late" if finding["delay_s"] > 0.0 else "early"
-    return f"{abs(finding['delay_s']):.3f} s (+/- {finding['sd_s']:.3f} s) {late} against the pose; removed"
-
-
-def _latency_uncertain(finding: RecordingFinding) -> str:
-    return (
-        f"latency {finding['delay_s']:.3f} s (+/- {finding['sd_s']:.3f} s, correlation"
-        f" {finding['correlation']:.2f}) is not certain or negligible; left as recorded"
-    )
-
-
-def _opposite(finding: RecordingFinding) -> str:
-    return f"runs opposite to the recorded pose ({finding['follows']})"
-
-
-def _entry(finding: RecordingFinding) -> str:
-    return f"in the column map: {finding['column']} = {finding['entry']}"
-
-
-def _sign_reversed(finding: RecordingFinding) -> str:
-    if "like" in finding.values:
-        runs = f"runs as {finding['like']} did before its sign was reversed"
-    else:
-        runs = _opposite(finding)
-    return f"{runs}; sign reversed here. State it {_entry(finding)}"
-
-
-def _sign_doubtful(finding: RecordingFinding) -> str:
-    return (
-        f"seems to run opposite to the recorded pose ({finding['follows']}), too weakly to be corrected; left"
-        f" as recorded. If its sign is wrong, state it {_entry(finding)}"
-    )
-
-
-def _unit_of_reference(finding: RecordingFinding) -> str:
-    unit = finding["unit"]
-    words = (
-        f"moves by {finding['moved']:.2g} {unit} rms where the {finding['sensor']} shows"
-        f" {finding['shown']:.2g} {unit}, {finding['scale']:.3g} times as much; no vehicle moves so little or"
-        f" so much: check the unit of the {finding['moving']}"
-    )
-    pressure = finding["pressure"]
-    return f"{words}. A pressure in {pressure} that is read as Pa would do that" if pressure else words
-
-
-def _unit_of_sensor(finding: RecordingFinding) -> str:
-    moving = finding["moving"]
-    words = f"{finding['scale']:.3g} times what the derivative of the recorded {moving} shows"
-    if finding["unit"]:
-        return f"{words}: {finding['unit']}? State it {_entry(finding)}"
-    return f"{words}; check its unit, and that of the {moving}"
-
-
+@_message.of("unit changes")
 def _unit_changes(finding: RecordingFinding) -> str:
     larger, factor = finding["larger"], finding["factor"]
     before, after = finding["units"] if larger else finding["units"][::-1]
@@ -270,6 +206,7 @@ def _unit_changes(finding: RecordingFinding) -> str:
     )
 
 
+@_message.of("current derived")
 def _current(finding: RecordingFinding) -> str:
     numbers = ", ".join(
         f"{name} {mean:+.3f} (+/- {sd:.3f})"
@@ -281,164 +218,110 @@ def _current(finding: RecordingFinding) -> str:
     return f"{words}{doubt}" if finding.severity > Severity.NOTE else words
 
 
-def _tilt(finding: RecordingFinding) -> str:
-    after = "position and attitude turned upright" if finding["turned"] else "left as recorded"
+# What channels tell of one another.
+
+_sensors = {"rates": "the gyro", "specific force": "the accelerometer"}
+
+_words = Phrases(
+    _THEME,
+    "sentence",
+    {
+        "cost": lambda channel: templates(_THEME)["missing"].get(
+            channel, templates(_THEME)["missing"]["rates"]
+        ),
+        "millionths": lambda rate: f"{1e6 * rate:.1f}e-6",
+        "sensor": lambda channel: _sensors.get(channel, f"the {channel}"),
+        "without velocity": lambda names: names.removesuffix(" and the velocity"),
+    },
+)
+
+
+def sentence(finding: Finding) -> str:
+    """A finding in words, without its full stop."""
+    text, given = _words(finding), finding.values.get("given")
+    return f"{text}, beyond the {given} that is given" if given else text
+
+
+@_words.of("correction proposed")
+def _proposed(finding: Finding) -> str:
+    trials = finding["trials"]
+    where = f"trial {trials[0]}" if len(trials) == 1 else f"{len(trials)} trials ({', '.join(trials)})"
+    span = "" if finding["range"] is None else "; {:.4g} to {:.4g} by trial".format(*finding["range"])
+    return f"{where}: {sentence(finding.root)}{span}; {_words.fill('effect', **finding.values)}"
+
+
+@_words.of("current proposed")
+def _current_proposed(finding: Finding) -> str:
+    trial, current = finding.subject, current_sentence(finding["current"])
+    return f"trial {trial}: a slow current, {current}: [trials.{trial}.corrections] current"
+
+
+@_words.of("specific force")
+def _specific_force(finding: Finding) -> str:
+    return f"specific force: {sentence(finding.root)}"
+
+
+@_words.of("current untold")
+def _current_untold(finding: Finding) -> str:
+    return filled(templates(_THEME)["no current"][finding.subject], finding.values)
+
+
+def report(consistency: Consistency) -> Report:
+    """How well the channels agree, the worst disagreement, what to do; then all proposals."""
+    proposed = tuple(correction.sentence for correction in consistency.corrections)
+    contradictions = consistency.contradictions
+    paste = "; ".join(f"[{correction.table}] {correction.line}" for correction in consistency.corrections[:3])
+    outcome, next_step = "consistent", "identify"
+    if contradictions:
+        outcome, next_step = "contradictory", "correct the column map"
+    elif proposed:
+        outcome, next_step = f"{len(proposed)} corrections proposed", f"accept with {paste}"
+    compared = "; ".join(
+        f"{of}: {before:.3g} as recorded, {after:.3g} corrected" for of, before, after in consistency.compared
+    )
+    current = consistency.current
+    return Report(
+        title="Consistency of the channels",
+        outcome=outcome,
+        good=compared or "nothing could be compared",
+        worst=next(iter((*contradictions, *proposed)), "no channel contradicts another one"),
+        next_step=next_step,
+        sections=(
+            Section("Proposals", proposed, (correction_table(consistency),)),
+            Section("Not to be corrected", contradictions),
+            Section("What the log cannot tell", consistency.missing),
+            Section("Current", () if current is None else (current_sentence(current),)),
+        ),
+    )
+
+
+def correction_table(consistency: Consistency) -> Table:
+    """Proposals with value, deviation and effect."""
+    rows = [
+        (
+            f"[{each.table}] {each.line}",
+            _deviation(each.sd),
+            each.unit,
+            f"{each.before:.3g}",
+            f"{each.after:.3g}",
+            each.of,
+        )
+        for each in consistency.corrections
+    ]
+    return Table.of("", ("key", "+/-", "unit", "rms before", "after", "of"), rows)
+
+
+def _deviation(sd: Any) -> str:
+    if isinstance(sd, Sequence):
+        return ", ".join(_deviation(item) or "-" for item in sd)
+    return f"{sd:.2g}" if sd else ""
+
+
+def current_sentence(current: SlowCurrent) -> str:
+    """The current at the beginning and the end, its deviation, source and effect."""
+    first, last = current.velocity[0], current.velocity[-1]
+    sd = float(np.sqrt(np.mean(current.sd**2)))
     return (
-        f"the earth frame is tilted by {finding['angle_deg']:.1f} deg (+/- {finding['sd_deg']:.1f} deg)"
-        f" against gravity, as the measured attitude at different headings shows; {after}"
+        f"({first[0]:+.3f}, {first[1]:+.3f}) m/s north, east at the beginning, ({last[0]:+.3f},"
+        f" {last[1]:+.3f}) m/s at the end (+/- {sd:.3f} m/s), from {current.source}; {current.effect}"
     )
-
-
-def _above_surface(finding: RecordingFinding) -> str:
-    return (
-        f"above the surface in {_percent(finding['share'])} of the record ({finding['median_m']:.3g} m at the"
-        " median; z counts downwards from the surface): if the sensor counts upwards, give its column"
-        ' sign = -1, or the whole position frame = "ENU" or "NWU"; if its zero is not the surface, shift it'
-    )
-
-
-def _constant(finding: RecordingFinding) -> str:
-    at = f" at {finding['value']:.6g}" if "value" in finding.values else ""
-    return f"constant{at} over the whole recording; a sensor that is off?"
-
-
-def _degrees(finding: RecordingFinding) -> str:
-    extremes = ", ".join(f"{angle} {largest:.3g} rad" for angle, largest in finding["largest_rad"].items())
-    entries = ", ".join(
-        f'{column} = {{ from = "{source}", unit = "deg" }}' for column, source in finding["columns"].items()
-    )
-    return (
-        f"angles reach {extremes}, more than any vehicle's: they look like degrees; state the unit in the"
-        f" column map: {entries}"
-    )
-
-
-def _time_unit(finding: RecordingFinding) -> str:
-    unit = finding["unit"]
-    return (
-        f"read as s, {finding['rate_hz']:.3g} Hz, and looks like {unit} ({finding['how']}); state the unit in"
-        f' the column map: t_s = {{ from = "{finding["column"]}", unit = "{unit}" }}'
-    )
-
-
-def _arm(finding: RecordingFinding) -> str:
-    where = ", ".join(f"{x:g}" for x in finding["arm_m"])
-    return f"moved to O from the {finding['sensor']} sensor at ({where}) m"
-
-
-def _given(finding: RecordingFinding) -> str:
-    if finding["recorded"]:
-        return f"{finding['value']}, as given under corrections"
-    return f"{finding['value']}, given under corrections, but not recorded"
-
-
-_MESSAGES: dict[str, Callable[[RecordingFinding], str]] = {
-    # Columns of the recording and their units.
-    "columns unused": lambda f: "not used: " + ", ".join(f'"{column}"' for column in f["columns"]),
-    "column of another unit": lambda f: (
-        f'"{f["column"]}" is not used: called as {f["canonical"]}, and {f["unit"]} is no unit of it; map it,'
-        " or rename it"
-    ),
-    "column empty": lambda f: f"no sample of {', '.join(f['columns'])}: every cell is empty",
-    "beyond any vehicle": lambda f: (
-        f"samples beyond {f['most']:g}{f['unit']}, as no vehicle has them, count as NaN; state the column's"
-        " unit, or leave cells without a sample empty"
-    ),
-    "looks like degrees": _degrees,
-    "angles missing": lambda f: f"{', '.join(f['angles'])} not recorded and taken as zero",
-    "sign flips": lambda f: f"{_many(f, 'sign flip')} of the quaternion made continuous",
-    "unit changes": _unit_changes,
-    "time unit": _time_unit,
-    # Stamps and the time base.
-    "components apart": lambda f: "components have stamps of their own; brought to those of the busiest",
-    "rows of slower sensors": lambda f: (
-        "the rows repeat the samples of slower sensors; each is taken at its first row"
-    ),
-    "stamps uneven": lambda f: (
-        f"stamps are {f['step_s']:.3g} to {f['usual_s']:.3g} s apart; put on {1.0 / f['step_s']:.3g} Hz,"
-        " which keeps all samples"
-    ),
-    "stamps of several sensors": lambda f: (
-        f"the sensors have stamps of their own; put on {f['rate_hz']:g} Hz, the rate of the {f['fastest']}"
-    ),
-    "bursts": lambda f: (
-        f"samples came in {f['bursts']} bursts with nearly one stamp each; spread evenly,"
-        f" {f['step_s']:.3g} s apart"
-    ),
-    "clock jumped": lambda f: (
-        f"{_MASKED['gaps in time'](f)}; masked; across it the vehicle moved no further than in one interval:"
-        " the clock may have jumped. If it did, take the jump out of the stamps, or import the parts before"
-        " and after it as trials of their own"
-    ),
-    # Defects of sensors and commands.
-    "held samples": lambda f: (
-        f"samples repeat the one before: a sensor of about {f['rate_hz']:.2g} Hz in a table of"
-        f" {f['table_hz']:.3g} Hz"
-    ),
-    "jumps": lambda f: (
-        f"{_jumps(f)}; {f['samples']} samples beside them, or away between two less than {f['apart_s']:g} s"
-        " apart, masked"
-    ),
-    "spikes": lambda f: f"{_many(f, 'spike')} masked",
-    "constant": _constant,
-    "angle constant": lambda f: (
-        f"constant at {f['value']:.6g} rad over the whole recording while another angle changes; a sensor"
-        " that is stuck? Map the right column, or leave this one out of the map"
-    ),
-    "above the surface": _above_surface,
-    "pulses too long": lambda f: (
-        f"{_many(f, 'pulse width')} above {f['most_us']:g} us; the one before is held instead"
-    ),
-    "commands constant": lambda f: (
-        f"never change, so nothing about them can be identified: {', '.join(f['actuators'])}"
-    ),
-    "commands at extremes": lambda f: (
-        "stay at their extreme values, perhaps saturated: "
-        + ", ".join(f"{name} {extreme:.6g} ({_percent(share)})" for name, extreme, share in f["extremes"])
-    ),
-    "uncommanded": lambda f: (
-        f"{_uncommanded(f)}; all channels are masked there. If a command was held there, add rows with its"
-        " value to the log"
-    ),
-    "mostly masked": lambda f: (
-        f"{_percent(f['share'])} of the samples are masked, most of them for {_cause_of_masks(f)}; look at"
-        " these samples, and give another column or a part of the log if they are wrong"
-    ),
-    # Sensors against the pose.
-    "attitude convention": lambda f: f"{convention(f.values)}; left as recorded",
-    "frame tilted": _tilt,
-    "latency not estimated": lambda f: (
-        f"latency not estimated: a position every {f['interval_s']:.2g} s is too slow for it"
-    ),
-    "latency unclear": _no_latency,
-    "latency removed": _latency_removed,
-    "latency uncertain": _latency_uncertain,
-    "not following": lambda f: f"does not follow the recorded pose ({f['follows']}); check the column map",
-    "sign on a lever arm": lambda f: (
-        f"{_opposite(f)}, as a sensor with a lever arm does; left as recorded. Give the position of the"
-        " sensor"
-    ),
-    "sign left": lambda f: (
-        f"{_opposite(f)}; left as recorded. Reverse it with signs.{f.subject} = -1 under corrections"
-    ),
-    "sign doubtful": _sign_doubtful,
-    "sign reversed": _sign_reversed,
-    "unit of the reference": _unit_of_reference,
-    "unit of the sensor": _unit_of_sensor,
-    # What was corrected, derived, or is not there.
-    "correction given": _given,
-    "lever arm": _arm,
-    "lever arm ignored": lambda f: (
-        f"lever arm ignored: moving the sensor to O needs the {f['needed']}, not recorded"
-    ),
-    "not recorded": lambda f: f"not recorded: {' '.join(f['channels'])}",
-    "derived": lambda f: (
-        f"derived from {'the attitude' if f['origin'] == ('attitude',) else 'position and attitude'} by"
-        " smoothing differentiation"
-    ),
-    "current derived": _current,
-    "current not derived": lambda f: (
-        "not derived: too few samples have both velocity over ground and velocity through the water"
-    ),
-}
-"""What was found about a channel of a recording, by kind."""

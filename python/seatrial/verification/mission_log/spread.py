@@ -316,7 +316,7 @@ class Spread:
     @property
     def source(self) -> str:
         """Where it comes from, in words."""
-        return clause_of(self.basis, "mission_log_findings")
+        return clause_of(self.basis, "mission_log")
 
     def at(self, since_s: Array) -> Array:
         """Spread (n, 12) at times (n,) since a restart, SI."""

@@ -115,7 +115,7 @@ class Suspect(Plain, only="name kind change values units sigma gain left p sigma
     @property
     def change(self) -> str:
         """The change in words."""
-        return clause_of(self.finding, "mission_log_findings")
+        return clause_of(self.finding, "mission_log")
 
 
 @dataclass(frozen=True, eq=False)
