@@ -21,8 +21,7 @@ import numpy as np
 import seatrial as st
 from seatrial.base.run import RunDirectory
 from seatrial.campaign.file import parse
-from seatrial.estimation.stage import StagePlan, StageResult, plan
-from seatrial.identification.identify import StageOrder
+from seatrial.estimation.stage import StageOrder, StagePlan, StageResult, plan
 from seatrial.trial.generated import Recipe
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "cwolf"
@@ -124,7 +123,7 @@ def run(sailed: st.Campaign, *, threads: int | None = None) -> Job:
         assert len(sailed.trials[name])
     read, busy = time.perf_counter(), time.process_time()
     plans = plan(sailed.problem())
-    found = StageOrder(sailed.problem(), plans, RunDirectory(None), progress=None, threads=threads).stages()
+    found = StageOrder(sailed.problem(), plans, RunDirectory(None), st.Work(threads=threads)).stages()
     wall, cpu = time.perf_counter() - read, time.process_time() - busy
     costs = tuple(cost(one, result) for one, result in zip(plans, found, strict=True))
     return Job(costs, plans, found, wall_s=wall, cpu_s=cpu, read_s=read - began)

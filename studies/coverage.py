@@ -36,7 +36,7 @@ from seatrial.diagnosis.residual_analysis import analyse_joint
 from seatrial.estimation.estimator import Polished
 from seatrial.estimation.gauss_newton import GaussNewton
 from seatrial.estimation.joint import Joint
-from seatrial.estimation.joint_estimate import linearise, polish
+from seatrial.estimation.joint_estimate import OutputError, linearise
 from seatrial.problem.problem import Problem
 from seatrial.scoring.score import score
 from seatrial.sensors.log import biases
@@ -286,13 +286,14 @@ def held_at_wrong_values(
             start = free.values.copy()
             start[index] += side * (unknown.upper - unknown.lower)
             if unknown.lower <= start[index] <= unknown.upper:
-                refit = _polished(joint, start=start, fixed=[index])
+                refit = _polished(joint, start=start, fixed=frozenset([index]))
                 yield name, 2.0 * (_cost(joint, refit, free.noise) - least)
 
 
-def _polished(joint: Joint, *, start: Array | None = None, fixed: Sequence[int] = ()) -> Polished:
-    """Joint estimate; half of one is none."""
-    polished = polish(joint, start=start, fixed=fixed)
+def _polished(joint: Joint, *, start: Array | None = None, fixed: frozenset[int] = frozenset()) -> Polished:
+    """Joint estimate by output error; half of one is none."""
+    estimate = OutputError(joint).estimate
+    polished = estimate(start, rounds=joint.polish.rounds, near=False, watch=None, fixed=fixed)
     if polished.interrupted:
         raise KeyboardInterrupt
     return polished

@@ -20,9 +20,9 @@ import numpy as np
 import typer
 
 from seatrial.base.run import RunDirectory
+from seatrial.base.work import HERE
 from seatrial.campaign.campaign import Campaign
-from seatrial.estimation.stage import StageResult, plan
-from seatrial.identification.identify import StageOrder
+from seatrial.estimation.stage import StageOrder, StageResult, plan
 from seatrial.identification.preparation import identifiable
 from seatrial.problem.problem import Problem
 
@@ -54,7 +54,7 @@ def stages_from(problem: Problem, seed: int, number: int) -> tuple[StageResult, 
         }
     stream = int(np.random.SeedSequence([seed, number]).generate_state(1)[0])
     problem = problem.with_start_values(starts, seed=stream)
-    order = StageOrder(problem, plan(problem), RunDirectory(None), progress=None, threads=None)
+    order = StageOrder(problem, plan(problem), RunDirectory(None), HERE)
     results = order.stages()
     if order.stop.is_set():
         raise KeyboardInterrupt

@@ -16,7 +16,8 @@ from seatrial.base.errors import CampaignError
 from seatrial.base.work import Work
 from seatrial.campaign.campaign import Campaign
 from seatrial.cli import app
-from seatrial.estimation.stage import frozen_motion, frozen_sentences, plan
+from seatrial.estimation.stage import plan
+from seatrial.identification.preparation import frozen_motion, frozen_sentences
 from seatrial.problem.settings import Coefficient
 from tests.identification.test_identify import HEAD
 
@@ -130,10 +131,10 @@ def test_frozen_axis_that_moves_is_named(campaign: Campaign) -> None:
     # The motion is that of the smoothed record, the sum here that of the noisy one: 1 mm/s of noise.
     assert moved["X"] == pytest.approx(np.sqrt(np.mean(away**2)), abs=2e-3)
     assert moved["X"] > 0.2
-    sentences = frozen_sentences(plans)
+    sentences = list(frozen_sentences(plans))
     assert "stage 'yaw' freezes axes that move within its segments: X (u changes by" in sentences[0]
     assert "N (the attitude is turned by" in sentences[1]
-    assert not frozen_sentences(plan(campaign.with_locked_axes("measured").problem()))
+    assert not list(frozen_sentences(plan(campaign.with_locked_axes("measured").problem())))
 
 
 @pytest.mark.long

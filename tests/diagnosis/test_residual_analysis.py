@@ -29,7 +29,7 @@ from seatrial.diagnosis.residual_signals import (
 )
 from seatrial.report.plot.identification import residual_figure
 from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
-from seatrial.statistics.score_test import score_tests
+from seatrial.statistics.significance import score_tests
 from seatrial.trial.trial import Trial
 from tests.statistics.linear_trials import memory
 

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from seatrial.diagnosis.identifiability import SETTINGS as IDENTIFIABILITY_SETTINGS
 from seatrial.diagnosis.identifiability import Identifiability, judge, weak_groups
 from seatrial.diagnosis.roles import role
-from seatrial.statistics.information import covariance, eliminate, singular
-from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
+from seatrial.statistics.linearisation import Linearisation, Piece, Unknown, covariance, eliminate, singular
 
 Array = NDArray[np.float64]
 

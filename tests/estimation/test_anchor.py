@@ -15,8 +15,15 @@ from hypothesis import strategies as st
 from seatrial._core import State, Vehicle
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.campaign import Campaign
-from seatrial.estimation.homogeneity import homogeneity, homogeneous_direction, ratios, scaled
-from seatrial.estimation.scale import added_mass_factor, implied, judge_scale
+from seatrial.estimation.scale import (
+    added_mass_factor,
+    homogeneity,
+    homogeneous_direction,
+    implied,
+    judge_scale,
+    ratios,
+    scaled,
+)
 from seatrial.problem.settings import Anchor
 from seatrial.vehicle.actuators import bollard
 

@@ -461,7 +461,7 @@ def undecided(joint: Joint, polished: Polished) -> None:
     """Were the log not to tell the two, what both say of the rudder would stand in the report."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(choice, "CHOICE_SETTINGS", choice.ChoiceSettings(likelier=1e9))
-        kept, found, _, _ = quadratic_or_strips(joint, polished)
+        kept, found, _ = quadratic_or_strips(joint, polished)
     assert kept is joint
     (other,) = found.others
     assert other.values.keys() == other.away.keys() == {"rudder.gain"}
@@ -505,10 +505,10 @@ def test_the_damping_of_the_truth_is_the_likelier_one(stripped: bool, tmp_path: 
     polished = polish(joint)
     if not stripped:
         undecided(joint, polished)
-    other, found, kind, (said,) = quadratic_or_strips(joint, polished)
+    other, found, (said,) = quadratic_or_strips(joint, polished)
     names = [unknown.name for unknown in other.unknowns]
     assert ("C_Dy" in names) is stripped
-    assert [*kind(campaign.problem()).stages[0].coefficients] == names
+    assert [*other.problem.stages[0].coefficients] == names
     gain = dict(zip(names, found.values, strict=True))["rudder.gain"]
     if stripped:
         assert said.startswith("Cross-flow drag by strips (C_Dy) fits the log better than")

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from seatrial._core import Vehicle
 from seatrial.campaign.campaign import Campaign
 from seatrial.check.campaign import check_campaign
-from seatrial.estimation.homogeneity import homogeneity
-from seatrial.estimation.inputs import dependence, judge_inputs, trained
+from seatrial.estimation.inputs import dependence, judge_inputs
+from seatrial.estimation.scale import homogeneity
 from seatrial.inspect.wiring import thrusts
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -286,7 +286,7 @@ def cwolf() -> Campaign:
 @pytest.mark.long
 def test_cwolf_is_told_per_group_and_direction(cwolf: Campaign) -> None:
     found = judge_inputs(cwolf.problem())
-    assert trained(cwolf.problem()) == ("surge", "dive", "turn", "dive_stern", "roll")
+    assert cwolf.problem().trained == ("surge", "dive", "turn", "dive_stern", "roll")
     words = {one.words for one in found.thrusts.combinations}
     # Ahead together, sides apart, levels apart, never crosswise; both verticals always alike.
     assert words == {"SbU - SbL - PU + PL", "VTB - VTS"}

@@ -12,7 +12,7 @@ import pytest
 from benchmarks.stage_search import searched
 from seatrial.base.arrays import Array
 from seatrial.base.work import Step
-from seatrial.estimation.search import SEARCH_SETTINGS, _simplex, evolve, minimize, refine
+from seatrial.estimation.search import SEARCH_SETTINGS, Optimum, _simplex, evolve, join, refine
 
 
 def rosenbrock(x: Array) -> Array:
@@ -33,6 +33,15 @@ class Recorder:
     def __call__(self, x: Array) -> Array:
         self.batches.append(x.copy())
         return np.asarray(self.inner(x))  # type: ignore[operator]
+
+
+def minimize(objective: Any, start: Any, *, rounds: int | None = None, **options: Any) -> Optimum:
+    """The global search, then the fine one from its best candidates, as a stage does it."""
+    box = {key: options[key] for key in ("lower", "upper", "tolerance") if key in options}
+    coarse = evolve(objective, start, **options)
+    if coarse.interrupted:
+        return coarse
+    return join(coarse, refine(objective, coarse.elite, rounds=rounds, axes=coarse.axes, **box))
 
 
 def test_minimum_of_rosenbrock_in_five_dimensions() -> None:

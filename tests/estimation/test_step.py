@@ -10,9 +10,8 @@ import pytest
 from benchmarks import four_stages
 from seatrial._core import Vehicle
 from seatrial.estimation.descent import Criterion
-from seatrial.estimation.segment_model import SegmentModel
+from seatrial.estimation.segment_model import STEP_SETTINGS, SegmentModel, around, stage_step
 from seatrial.estimation.stage import plan
-from seatrial.estimation.step import STEP_SETTINGS, around, stage_step
 from seatrial.problem.parameter import Parameter
 
 

@@ -35,8 +35,7 @@ from seatrial.experiment.plan import Change, Plan, plan
 from seatrial.problem.parameter import Parameter
 from seatrial.report.plot.recording import planned_trial
 from seatrial.report.plot.style import save
-from seatrial.statistics.information import covariance
-from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
+from seatrial.statistics.linearisation import Linearisation, Piece, Unknown, covariance
 
 Array = NDArray[np.float64]
 

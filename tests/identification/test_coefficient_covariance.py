@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial._core import Vehicle
-from seatrial.estimation.homogeneity import STATIC, THRUST, Held, Homogeneity
-from seatrial.identification.covariance import CoefficientCovariance, coefficient_covariance
+from seatrial.estimation.scale import STATIC, THRUST, Held, Homogeneity
+from seatrial.identification.estimate import CoefficientCovariance, coefficient_covariance
 from seatrial.problem.parameter import Parameter
 
 Array = NDArray[np.float64]

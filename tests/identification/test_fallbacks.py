@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from seatrial import Campaign, Identification, Problem, SimulationError, Trial, Vehicle
+from seatrial import Campaign, Identification, SimulationError, Trial, Vehicle
 from seatrial.base.errors import CampaignError, NumericalError, SeatrialError
 from seatrial.base.finding import Fallback, Fallbacks, is_numerical
 from seatrial.base.work import Work
 from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
-from seatrial.estimation.stage import run_stage
-from seatrial.identification.conclusion import Conclusion, scored
-from seatrial.identification.noise_of_filter import residual_noise
+from seatrial.estimation.stage import StageSearch, run_stage
+from seatrial.identification.hold_out import residual_noise
+from seatrial.identification.identify import Conclusion, scored
 from seatrial.scoring.record import Record
 
-CONCLUSION = "seatrial.identification.conclusion."
+CONCLUSION = "seatrial.identification.identify."
 
 T = np.arange(0.0, 40.0, 0.1)
 
@@ -127,21 +127,22 @@ def test_what_counts_as_a_failure_of_numbers() -> None:
     assert not is_numerical(raised(lambda: np.zeros(2) + np.zeros(3)))
     assert not is_numerical(raised(lambda: float("x")))
     border = Fallbacks()
-    assert border.attempt("scores", failing(CampaignError("no trial")), 1) == 1
+    with border.step("scores"):
+        raise CampaignError("no trial")
     assert border.findings == [Fallback("scores", "refused", "no trial")]
-    with pytest.raises(SeatrialError, match="cannot be written"):
-        border.attempt("scores", failing(SeatrialError("cannot be written")), 1)
-    with pytest.raises(KeyboardInterrupt):
-        border.attempt("scores", failing(KeyboardInterrupt()), 1)
+    with pytest.raises(SeatrialError, match="cannot be written"), border.step("scores"):
+        raise SeatrialError("cannot be written")
+    with pytest.raises(KeyboardInterrupt), border.step("scores"):
+        raise KeyboardInterrupt
 
 
 def test_a_stage_that_fails_costs_no_other_stage(trial: Trial, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fails_first(problem: Problem, plan: Any, **options: Any) -> Any:
-        if plan.stage.name == "first":
+    def fails_first(search: StageSearch, *options: Any) -> Any:
+        if search.plan.stage.name == "first":
             raise SimulationError("every candidate diverged")
-        return run_stage(problem, plan, **options)
+        return run_stage(search, *options)
 
-    monkeypatch.setattr("seatrial.identification.identify.run_stage", fails_first)
+    monkeypatch.setattr("seatrial.estimation.stage.run_stage", fails_first)
     first = STAGES[STAGES.index("[[stages]]") :].replace("surge", "first").replace("X_uu", "X_udot")
     fit = campaign(trial, first.replace("[-30.0, -4.0]", "[-30.0, -1.0]")).identify(work=Work(threads=1))
     whole(fit)
@@ -160,13 +161,13 @@ def test_a_filter_that_leaves_the_log_is_recognised_before_its_noises_are_sought
     joint = Joint(campaign(trial, '[polish]\nmethod = "innovations"\n', diverging()).problem(), threads=1)
     monkeypatch.setattr("seatrial.estimation.kalman.Filters.likeliest", failing(AssertionError()))
     with pytest.raises(NumericalError, match=r"the model diverges over one sample of 0\.1 s: it misses u by"):
-        Innovations(joint).estimate(joint.start, 20, (), None)
+        Innovations(joint).estimate(joint.start, 20, None)
 
 
 def test_law_a_round_that_diverges_is_taken_back(trial: Trial, monkeypatch: pytest.MonkeyPatch) -> None:
     joint = Joint(campaign(trial, '[polish]\nmethod = "innovations"\n').problem(), threads=1)
     innovations = Innovations(joint)
-    one = innovations.estimate(joint.start, 1, (), None)
+    one = innovations.estimate(joint.start, 1, None)
     joint.noise_model = None
     again, rounds = Innovations(joint), 0
     own = again.criterion.step
@@ -179,7 +180,7 @@ def test_law_a_round_that_diverges_is_taken_back(trial: Trial, monkeypatch: pyte
         return own(*given)
 
     monkeypatch.setattr(again.criterion, "step", second_fails)
-    found = again.estimate(joint.start, 5, (), None)
+    found = again.estimate(joint.start, 5, None)
     assert found.stopped == "Singular matrix"
     assert not found.converged
     assert found.values == pytest.approx(one.values)

@@ -19,9 +19,8 @@ from seatrial._core import State, Vehicle
 from seatrial.base.errors import CampaignError, SimulationError
 from seatrial.base.work import Work
 from seatrial.campaign.campaign import Campaign
-from seatrial.identification.fitted import Fitted
+from seatrial.identification.fitted import Fitted, checked_numbers, generator, uniforms
 from seatrial.identification.identification import Identification
-from seatrial.statistics.draws import checked_numbers, generator, uniforms
 from seatrial.vehicle.stability import PossibleCoefficients
 
 Array = NDArray[np.float64]
@@ -253,7 +252,7 @@ def test_a_uniform_number_of_zero_is_none(monkeypatch: pytest.MonkeyPatch) -> No
     def zeros(*_: int, **__: int) -> Any:
         return SimpleNamespace(random=np.zeros)
 
-    monkeypatch.setattr("seatrial.statistics.draws.generator", zeros)
+    monkeypatch.setattr("seatrial.identification.fitted.generator", zeros)
     assert uniforms(1, [0, 1], cause=0, width=3).tolist() == [[2.0**-54] * 3] * 2
 
 

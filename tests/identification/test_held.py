@@ -11,8 +11,9 @@ import pytest
 
 from seatrial.base.errors import CampaignError
 from seatrial.campaign.campaign import Campaign
-from seatrial.identification.held import HELD_SETTINGS, Held, conditional, hold_untold
 from seatrial.identification.identification import Identification
+from seatrial.identification.identify import conditional
+from seatrial.identification.preparation import HELD_SETTINGS, Held, hold_untold
 from seatrial.trial.trial import Trial
 from tests.inspect.test_verdict import sailed
 
@@ -95,7 +96,7 @@ def test_an_estimate_moves_with_a_held_value_as_least_squares_say(monkeypatch: p
         SimpleNamespace(values=np.zeros(3), initial=None, noise=None),
     )
     lin = SimpleNamespace(information=lambda: rows.T @ rows)
-    monkeypatch.setattr("seatrial.identification.held.linearise", lambda *given, **options: lin)
+    monkeypatch.setattr("seatrial.identification.identify.linearise", lambda *given, **options: lin)
     held = [Held(f"{side}.gain", 2.0, "1", "fins.gain", "M", "", "") for side in ("port", "starboard")]
     given: Any = (joint, polished, held, known)
     found = {one.name: one for one in conditional(*given)}

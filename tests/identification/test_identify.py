@@ -19,9 +19,9 @@ from seatrial.base.work import Progress, Work
 from seatrial.campaign.campaign import Campaign
 from seatrial.check.campaign import check_campaign
 from seatrial.estimation.descent import Criterion
+from seatrial.identification.fitted import filter_noise
 from seatrial.identification.identification import Identification
 from seatrial.identification.identify import identify
-from seatrial.identification.noise_of_filter import filter_noise
 from tests.base.killed import kill
 
 TRUTH = {"X_udot": -9.0, "X_uu": -14.0, "Z_ww": -450.0, "Z_wdot": -160.0}
@@ -229,7 +229,7 @@ def test_interrupt_of_the_joint_estimate_keeps_the_stages(
         def interrupted(*_: Any, **__: Any) -> None:
             raise KeyboardInterrupt
 
-        patch.setattr("seatrial.identification.conclusion.joint_estimate_of", interrupted)
+        patch.setattr("seatrial.identification.identify.joint_estimate_of", interrupted)
         fit = asked.identify(work=Work(run_dir=tmp_path / "run"))
     assert fit.interrupted
     assert fit.assessment is None

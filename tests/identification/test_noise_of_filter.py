@@ -12,7 +12,7 @@ import seatrial as st
 from seatrial.base.arrays import Array
 from seatrial.base.errors import TrialError
 from seatrial.base.frames import to_euler
-from seatrial.identification.noise_of_filter import residual_noise
+from seatrial.identification.hold_out import residual_noise
 from seatrial.scoring.record import Record
 
 SIGMA = np.array([1.0, 1.5, 0.0, 0.0, 0.0, 0.08])

@@ -67,9 +67,9 @@ def problem(
 def tried(given: st.Trial, **changed: tuple[float, float]) -> tuple[Joint, Joint, tuple[Proposal, ...]]:
     """The joint estimates before and after two rounds, and what was proposed."""
     joint = Joint(problem(given, JointSettings(segment_s=5.0), free={**FREE, **changed}), START)
-    after, best, change, proposals = in_rounds(joint, polish(joint), rounds=2)
+    after, best, proposals = in_rounds(joint, polish(joint), rounds=2)
     after.start = best.values
-    assert (change(joint.problem).joint == joint.problem.joint) == all(p.verdict != "kept" for p in proposals)
+    assert (after.problem.joint == joint.problem.joint) == all(p.verdict != "kept" for p in proposals)
     return joint, after, proposals
 
 
@@ -125,7 +125,7 @@ def test_ctrl_c_keeps_the_estimate_before_the_rounds(monkeypatch: pytest.MonkeyP
     joint = Joint(problem(trial((("N_v", -12.0),)), JointSettings(segment_s=5.0)), START)
     before = polish(joint)
     monkeypatch.setattr("seatrial.identification.rounds.polish", stopped)
-    after, best, _, proposals = in_rounds(joint, before, rounds=2)
+    after, best, proposals = in_rounds(joint, before, rounds=2)
     assert after is joint
     assert best.interrupted
     assert np.array_equal(best.values, before.values)

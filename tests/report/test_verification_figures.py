@@ -17,7 +17,7 @@ from seatrial.report.plot.verification import (
     quantile_of_counts,
     verified_requirements,
 )
-from seatrial.statistics.proportions import FailureProbability
+from seatrial.statistics.failure_probability import FailureProbability
 from seatrial.verification.causes import Cause, Influence, find_causes
 from tests.report.figures import assert_on_page, panel, texts
 

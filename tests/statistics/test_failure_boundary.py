@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import norm
 
 from seatrial.base.arrays import Array
-from seatrial.statistics.failure_boundary import (
+from seatrial.statistics.failure_probability import (
     BoundarySurface,
     Place,
     places_to_fly,

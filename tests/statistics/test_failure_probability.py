@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.stats import betabinom, binom
 
 from seatrial.report.results.verification import verdict
-from seatrial.statistics.proportions import (
+from seatrial.statistics.failure_probability import (
     FailureProbability,
     clopper_pearson,
     further_runs,

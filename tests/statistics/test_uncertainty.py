@@ -13,8 +13,7 @@ import pytest
 from seatrial.base.errors import CampaignError
 from seatrial.base.run import to_json
 from seatrial.diagnosis.assessment import bootstrap, profile
-from seatrial.statistics.blocks import autocorrelation, block_length, blocks
-from seatrial.statistics.information import information_criteria
+from seatrial.statistics.blocks import autocorrelation, block_length, divided, information_criteria
 from seatrial.statistics.linearisation import CONTRADICTED, Linearisation
 from seatrial.statistics.uncertainty import Uncertainty, covariance, tempering
 from tests.statistics.linear_trials import Array, Design, errors, estimates, flat, one, trials, with_column
@@ -271,15 +270,15 @@ def test_a_gap_is_not_bridged() -> None:
     np.testing.assert_array_equal(apart[:, 201:], 0.0)
     # Within a piece it stays: pairs of 200 white samples, five standard deviations.
     assert np.abs(apart[:, 1:100]).max() < 0.5
-    np.testing.assert_allclose(blocks(late, block_length(late)).score.sum(axis=0), 0.0, atol=1e-9)
+    np.testing.assert_allclose(divided(late, block_length(late))[0].score.sum(axis=0), 0.0, atol=1e-9)
 
 
 def test_block_spans_segments_but_not_trials() -> None:
     lin = one(trials([600, 600], inputs=2, seed=3), 0.9)
     whole = replace(block_length(lin), samples=100_000)
-    data = blocks(lin, whole)
+    data = divided(lin, whole)[0]
     assert len(data.score) == 2
-    short = blocks(lin, replace(whole, samples=50))
+    short = divided(lin, replace(whole, samples=50))[0]
     # Eleven segments in each trial, none of which holds two blocks.
     assert len(short.score) == 22
     # Sums of the same numbers in another order.

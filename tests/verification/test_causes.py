@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.stats import mannwhitneyu, permutation_test, rankdata, spearmanr
 
-from seatrial.statistics.multiple_testing import (
+from seatrial.statistics.significance import (
     circular_correlation,
     holm,
     mann_whitney,

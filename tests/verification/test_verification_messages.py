@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import seatrial as st
-from seatrial.statistics.proportions import share
+from seatrial.statistics.failure_probability import share
 from seatrial.verification.scenario import Scenario
 from seatrial.verification.verify import Verification
 from tests.flight.flying import OUT

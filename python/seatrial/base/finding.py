@@ -8,11 +8,12 @@ by-product. Held by ``tests/flight/test_findings.py`` and ``tests/identification
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from importlib import import_module
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
 from seatrial.base.errors import CampaignError, SimulationError, TrialError, VehicleError
 from seatrial.base.plain import Plain
@@ -81,8 +82,6 @@ def by_severity(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """
     return tuple(sorted(findings, key=lambda finding: -finding.severity))
 
-
-T = TypeVar("T")
 
 Kind = Literal["numerical", "refused"]
 
@@ -161,13 +160,13 @@ class Fallbacks:
     def __init__(self) -> None:
         self.findings: list[Fallback] = []
 
-    def attempt(self, step: str, work: Callable[[], T], otherwise: T, *, of: str = "") -> T:
-        """Result of a step, or what was there before where the step fails; names as of a `Fallback`."""
+    @contextmanager
+    def step(self, name: str, *, of: str = "") -> Iterator[None]:
+        """A step, in a ``with``: where it fails, what was there before stays; names as of a `Fallback`."""
         try:
-            return work()
+            yield
         except Exception as error:
-            self.add(step, error, of=of)
-        return otherwise
+            self.add(name, error, of=of)
 
     def add(self, step: str, error: BaseException, *, of: str = "") -> None:
         """Keep the finding on an error; raise the error where it is no failure of numbers or data.

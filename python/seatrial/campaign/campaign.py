@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from seatrial.verification.scenario import Scenario
     from seatrial.verification.verify import Strategy, Verification
 
+
 _R = TypeVar("_R")
 
 
@@ -209,18 +210,9 @@ class Campaign:
         return self.with_file(parse(text, self.source), text=text)
 
     def with_file(self, file: CampaignFile, *, text: str | None = None) -> Campaign:
-        """Campaign with another file, checked again; trials that were read are not read again.
+        """Campaign with another file, and its text, checked again; trials that were read stay.
 
-        Parameters
-        ----------
-        file : CampaignFile
-        text : str, optional
-            Its text; that of this campaign when omitted.
-
-        Raises
-        ------
-        CampaignError
-            The file contradicts itself or names what does not exist.
+        Raises CampaignError: the file contradicts itself or names what does not exist.
         """
         text = self.text if text is None else text
         other = Campaign(
@@ -270,24 +262,17 @@ class Campaign:
             A file is not usable.
         """
         from seatrial.control_design.tuning_table import TuningTable
-        from seatrial.identification.fitted import Fitted
         from seatrial.tuning.control_problem import ControlProblem
 
         table = self.file.tuning or TuningTable()
-        fitted = Fitted.of(self.vehicle if fit is None else fit)
+        fitted = self.fitted(fit)
         if table.sensors not in ("typical", "perfect"):
             path = self.resolve(table.sensors, "tuning.sensors")
             table = table.model_copy(update={"sensors": str(path)})
-        autopilot = self.autopilot
-        if set(fitted.vehicle.actuators) != set(self.vehicle.actuators):
-            raise CampaignError(
-                f"{self.source}: expected a fit of {self.vehicle.name}, found one of"
-                f" {fitted.vehicle.name} with other actuators; give the run directory of this campaign"
-            )
         problem = ControlProblem.of_table(
             table,
             fitted,
-            autopilot,
+            self.autopilot,
             name=self.name,
             seed=self.seed,
             origin=f"the campaign {self.name}",
@@ -438,6 +423,22 @@ class Campaign:
         with one_blas_thread():
             return verify_campaign_log(self, fit, log, references=references, **judging)[0]
 
+    def fitted(self, fit: Any, *, in_order: bool = False) -> Fitted:
+        """What is known of the campaign's vehicle, which counts as exact without a fit.
+
+        Raises CampaignError: the fit is of a vehicle with other actuators, or ``in_order`` in another order.
+        """
+        from seatrial.identification.fitted import Fitted
+
+        known = Fitted.of(self.vehicle if fit is None else fit)
+        theirs, own = known.vehicle.actuators, self.vehicle.actuators
+        if set(theirs) != set(own) or (in_order and list(theirs) != list(own)):
+            raise CampaignError(
+                f"{self.source}: expected a fit of {self.vehicle.name}, found one of {known.vehicle.name}"
+                " with other actuators; give the run directory of this campaign"
+            )
+        return known
+
     def input_hashes(self, *, trials: bool = True) -> dict[str, Any]:
         """SHA-256 of what a run over the campaign reads, by name; of the recordings only with ``trials``."""
         return self._problem.input_hashes(trials=trials)
@@ -468,12 +469,7 @@ class Campaign:
     def autopilot(self) -> Autopilot:
         """The autopilot with the start gains: the file's, or the built-in one of the vehicle.
 
-        Raises
-        ------
-        CampaignError
-            The file names none, and there is none built in for the vehicle.
-        VehicleError
-            It cannot be loaded.
+        Raises CampaignError: there is none of either; VehicleError: it cannot be loaded.
         """
         from seatrial._core import Autopilot
 
@@ -488,20 +484,11 @@ class Campaign:
         return Autopilot.load(self.resolve(named, "autopilot") if is_path(named) else named)
 
     def resolve(self, path: str, key: str) -> Path:
-        """Path of a file that the campaign names, which begins in the campaign's folder.
+        """Path of a file that a key of the campaign names, which begins in the campaign's folder.
 
-        Parameters
-        ----------
-        path : str
-        key : str
-            Of the campaign file, for messages.
-
-        Raises
-        ------
-        CampaignError
-            An environment variable in the path is not set.
+        ``${VARIABLE}`` is replaced by the environment's value; CampaignError where that is not set.
         """
-        return self._path(path, f"key {key}")
+        return file_path(path, self.folder, f"{self.source}: key {key}")
 
     @property
     def name(self) -> str:
@@ -522,32 +509,17 @@ class Campaign:
         return self._sources[trial].environment.over(self.file.environment)
 
     def path_of(self, trial: str) -> Path | None:
-        """Path of a trial's file, None for a frame.
-
-        Raises
-        ------
-        CampaignError
-            An environment variable in the path is not set.
-        """
+        """Path of a trial's file, None for a frame; CampaignError where a variable in it is not set."""
         data = self._data.get(trial)
         if data is None:
-            return self._path(self._sources[trial].file, f"trial {trial!r}, key file")
+            where = f"{self.source}: trial {trial!r}, key file"
+            return file_path(self._sources[trial].file, self.folder, where)
         return Path(data) if isinstance(data, str | Path) else None
 
     def read(self, trial: str) -> Trial:
-        """Trial read from its file; `trials` reads each only once.
+        """Trial of a name read from its file; `trials` reads each only once.
 
-        Parameters
-        ----------
-        trial : str
-            Its name in the campaign.
-
-        Raises
-        ------
-        CampaignError
-            There is no such file.
-        TrialError
-            The recording or its column map cannot be used.
+        Raises CampaignError: there is no such file; TrialError: recording or column map cannot be used.
         """
         from seatrial.trial.trial import Trial
 
@@ -566,15 +538,7 @@ class Campaign:
         )
 
     def recording(self, trial: str) -> Recording | None:
-        """Signals of a trial on their own stamps; None where the trial was given as one.
-
-        Raises
-        ------
-        CampaignError
-            There is no such file.
-        TrialError
-            The recording or its column map cannot be used.
-        """
+        """Signals of a trial on their own stamps, with the errors of `read`; None where it was given."""
         from seatrial.trial.recording import recording
         from seatrial.trial.trial import Trial
 
@@ -610,20 +574,27 @@ class Campaign:
             return self._given_vehicle
         name = self.file.vehicle
         try:
-            return Vehicle.load(str(self._path(name, "key vehicle")) if is_path(name) else name)
+            return Vehicle.load(str(self.resolve(name, "vehicle")) if is_path(name) else name)
         except VehicleError as error:
             raise VehicleError(f"{self.source}: key vehicle: {error}") from None
 
     def _bench_test(self) -> BenchTest | None:
-        """Bench test of the vehicle, where the file names one."""
+        """Bench test of the vehicle, where the file names one; the same records are evaluated once."""
         if self._given_bench is not None or self.file.bench is None:
             return self._given_bench
-        path = self._path(self.file.bench, "key bench")
-        return _bench_test(path, self._load_vehicle(), f"{self.source}: key bench")
+        from seatrial.bench_test.evaluate import fingerprint, vehicle_of
 
-    def _path(self, text: str, where: str) -> Path:
-        """Path relative to the campaign file, ``${VARIABLE}`` replaced by the environment's value."""
-        return file_path(text, self.folder, f"{self.source}: {where}")
+        path, where = self.resolve(self.file.bench, "bench"), f"{self.source}: key bench"
+        vehicle = self._load_vehicle()
+        if wrong := no_file(path):
+            raise CampaignError(f"{where}: {wrong}; correct the path or remove the key")
+        tested = vehicle_of(path)
+        if tested.name != vehicle.name:
+            raise CampaignError(
+                f"{where}: {path} tests the vehicle {tested.name}, and the campaign"
+                f" identifies {vehicle.name}; name the same vehicle in both"
+            )
+        return _benched(str(path.resolve()), fingerprint(path), vehicle.to_toml())
 
     def _trial_sources(self, given: dict[str, Any]) -> tuple[dict[str, TrialSource], dict[str, Any]]:
         sources = dict(self.file.trials)
@@ -637,25 +608,6 @@ class Campaign:
         refuse_far(self.file.places.by_sensor(), length, f"{self.source}: places")
         for name, trial in self.file.trials.items():
             refuse_far(trial.places.by_sensor(), length, f"{self.source}: trials, {name}, places")
-
-
-def _bench_test(path: Path, vehicle: Vehicle, where: str) -> BenchTest:
-    """Bench test of a campaign's vehicle before it, from its file; the same records are evaluated once.
-
-    Raises CampaignError, its message begun with `where`, where there is no such file, or it tests another
-    vehicle.
-    """
-    from seatrial.bench_test.evaluate import fingerprint, vehicle_of
-
-    if wrong := no_file(path):
-        raise CampaignError(f"{where}: {wrong}; correct the path or remove the key")
-    tested = vehicle_of(path)
-    if tested.name != vehicle.name:
-        raise CampaignError(
-            f"{where}: {path} tests the vehicle {tested.name}, and the campaign"
-            f" identifies {vehicle.name}; name the same vehicle in both"
-        )
-    return _benched(str(path.resolve()), fingerprint(path), vehicle.to_toml())
 
 
 @functools.lru_cache(maxsize=4)

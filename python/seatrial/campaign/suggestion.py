@@ -26,6 +26,7 @@ from seatrial.problem.parameter import axes_of
 if TYPE_CHECKING:
     from seatrial.identification.identification import Identification
 
+
 LEAST_CHANGE = 0.02
 """Differences of R2 below this mean nothing."""
 

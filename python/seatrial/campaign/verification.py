@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from seatrial.trial.trial import Input
     from seatrial.verification.mission_log.verdict import LogVerdict
 
+
 _SHOWN = 6  # names that a message lists
 
 
@@ -73,12 +74,7 @@ def scenario_of(
     if runs is not None:
         table = table.model_copy(update={"runs": _positive(runs)})
     autopilot = campaign.autopilot if gains is None else autopilot_of(gains)
-    fitted = Fitted.of(campaign.vehicle if fit is None else fit)
-    if list(fitted.vehicle.actuators) != list(campaign.vehicle.actuators):
-        raise CampaignError(
-            f"{campaign.source}: expected a fit of {campaign.vehicle.name}, found one of"
-            f" {fitted.vehicle.name} with other actuators; give the run directory of this campaign"
-        )
+    fitted = campaign.fitted(fit, in_order=True)
     environment = campaign.file.environment
     flights = CampaignFlights(
         table=table,
@@ -177,7 +173,7 @@ def campaign_log(campaign: Campaign, source: str | Path) -> CampaignLog:
         log = MissionLog.read(path, progress=campaign.progress)
         _refuse_other_vehicle(campaign, log)
         beside = [path / "autopilot.toml", path / "mission.toml"]
-        flown = [one if one.is_file() else None for one in beside]
+        flown = [file if file.is_file() else None for file in beside]
         return CampaignLog(log, "", None, default_input(campaign.vehicle, log.trial), path, *flown)
     if path.is_file():
         name = _trial_of(campaign, path)
@@ -300,32 +296,30 @@ def campaign_reference(
     campaign is missing, or none has the input of the log.
     """
 
-    def parts(one: CampaignLog) -> list[PredictedLog]:
-        trial = thinned(one.log.trial, judged.log.trial.dt)
+    def parts(known: CampaignLog) -> list[PredictedLog]:
+        trial = thinned(known.log.trial, judged.log.trial.dt)
         spans: list[tuple[float | None, float | None]] = [(None, None)]
-        if one.trial and one.trial == judged.trial:
+        if known.trial and known.trial == judged.trial:
             if judged.span is None:
                 return []
             spans = [(None, judged.span[0]), (judged.span[1], None)]
-        found = []
-        for start, stop in spans:
-            first = trial.t[0] if start is None else start
-            last = trial.t[-1] if stop is None else stop
-            if last - first > 0.5 * ahead_s:
-                found.append(
-                    restarts(fit.vehicle, trial, ahead_s=ahead_s, start_s=start, stop_s=stop, input=one.input)
-                )
-        return found
+        return [
+            restarts(fit.vehicle, trial, ahead_s=ahead_s, start_s=start, stop_s=stop, input=known.input)
+            for start, stop in spans
+            # A shorter rest has no window.
+            if (trial.t[-1] if stop is None else stop) - (trial.t[0] if start is None else start)
+            > 0.5 * ahead_s
+        ]
 
     if names:
         given = [campaign_log(campaign, name) for name in names]
-        for name, one in zip(names, given, strict=True):
-            if not one.trial and one.place is not None and one.place == judged.place:
+        for name, log in zip(names, given, strict=True):
+            if not log.trial and log.place is not None and log.place == judged.place:
                 raise TrialError(
                     f"reference {name}: expected a log on which the model is known to hold, found the one"
                     " that is judged; give another one, or leave it out"
                 )
-        return spread_of_reference([part for one in given for part in parts(one)])
+        return spread_of_reference([part for log in given for part in parts(log)])
     if judged.trial:
         own = parts(judged)
         if sum(len(reference.spans) for reference in own) >= 2 * VALIDITY_SETTINGS.fewest_windows:
@@ -375,31 +369,26 @@ def verify_campaign_log(
     the envelope, m/s, NED. `settings`: part, input and seed come from the campaign. Raises TrialError,
     CampaignError, SimulationError, VehicleError: something cannot be used.
     """
-    known = Fitted.of(fit)
-    if set(known.vehicle.actuators) != set(campaign.vehicle.actuators):
-        raise CampaignError(
-            f"{campaign.source}: expected a fit of {campaign.vehicle.name}, found one of"
-            f" {known.vehicle.name} with other actuators; give the run directory of this campaign"
-        )
+    known = campaign.fitted(fit)
     judged = campaign_log(campaign, source)
     check_usable(judged.log.trial, settings.ahead_s)  # before a reference of the same interval is refused
     table = campaign.file.verification
     asked = () if table is None else table.requirements
     start, stop = (None, None) if judged.span is None else judged.span
-    found = verify_log(
+    verdict = verify_log(
         known,
         judged.log,
         reference=campaign_reference(campaign, known, judged, ahead_s=settings.ahead_s, names=references),
         autopilot=judged.autopilot if autopilot is None else autopilot,
         mission=judged.mission if mission is None else mission,
-        requirements=[requirement_of(campaign.source, one) for one in asked],
+        requirements=[requirement_of(campaign.source, requirement) for requirement in asked],
         corridors=_corridors(campaign),
         obstacles=None if table is None else table.obstacles,
         sensors=_sensors(campaign),
         current=current,
         settings=replace(settings, start_s=start, stop_s=stop, input=judged.input, seed=campaign.seed),
     )
-    return found, judged
+    return verdict, judged
 
 
 def _corridors(campaign: Campaign) -> dict[str, Corridor]:
@@ -407,9 +396,9 @@ def _corridors(campaign: Campaign) -> dict[str, Corridor]:
     table = campaign.file.tuning
     given = {} if table is None else table.loops.given()
     return {
-        loop: one.corridor.corridor(one.weights)
-        for loop, one in given.items()
-        if one.corridor is not None and loop in _LOGGED_LOOPS
+        loop: entry.corridor.corridor(entry.weights)
+        for loop, entry in given.items()
+        if entry.corridor is not None and loop in _LOGGED_LOOPS
     }
 
 

@@ -20,7 +20,7 @@ from seatrial.base.finding import Finding
 from seatrial.base.plain import plain
 from seatrial.base.report import listed
 from seatrial.check.file_check import FileCheck, note, warning
-from seatrial.problem.parameter import STRIPS
+from seatrial.problem.settings import STRIPS
 from seatrial.vehicle.actuators import NOMINAL_V, Push, advised_rows, beyond_tables, commanded_rows, pushes
 from seatrial.vehicle.stability import Statics, damping_gain, growth, positive_damping, statics
 from seatrial.vehicle.steady_state import (

@@ -96,7 +96,6 @@ def score(
     from seatrial.base.report import Section
     from seatrial.campaign.campaign import Campaign
     from seatrial.cli.console import Code, check_axes, complain
-    from seatrial.identification.hold_out import freed
     from seatrial.scoring.comparison import compare
     from seatrial.scoring.score import score as scored
     from seatrial.scoring.windows import Predictions, is_table
@@ -109,7 +108,7 @@ def score(
         for label, name in _labels([vehicle, *against]).items()
     }
     campaign = None if columns_from is None else Campaign.load(columns_from)
-    free = scoring.free or (freed(campaign.problem()) if campaign else "") or "".join(AXES)
+    free = scoring.free or (campaign.problem().freed if campaign else "") or "".join(AXES)
     chosen = read_trials(trials, columns_from)
     training = read_trials(scoring.train, columns_from) if scoring.train else []
     # A baseline that has seen what it is judged on would always win.

@@ -43,11 +43,15 @@ from seatrial.diagnosis.residual_analysis import ResidualAnalysis, analyse_joint
 from seatrial.diagnosis.roles import Manoeuvre, manoeuvre, role
 from seatrial.estimation.estimator import Horizon, LogAlone, OtherDamping, Polished
 from seatrial.estimation.joint import Joint
-from seatrial.estimation.joint_estimate import estimator, linearise
-from seatrial.estimation.specification import matters
+from seatrial.estimation.joint_estimate import estimator, linearise, matters
 from seatrial.problem.parameter import Parameter
-from seatrial.statistics.blocks import BlockLength, determined, whitened
-from seatrial.statistics.information import InformationCriteria, information_criteria
+from seatrial.statistics.blocks import (
+    BlockLength,
+    InformationCriteria,
+    determined,
+    information_criteria,
+    whitened,
+)
 from seatrial.statistics.linearisation import Linearisation, Unknown
 from seatrial.statistics.uncertainty import Uncertainty, covariance
 from seatrial.vehicle.actuators import actuator_groups, fins_and_groups, pushed_axes

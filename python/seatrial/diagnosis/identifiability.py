@@ -36,9 +36,11 @@ from seatrial.base.plain import Plain
 from seatrial.base.report import sentence_of
 from seatrial.base.run import to_json
 from seatrial.diagnosis.roles import Role, anchor, manoeuvre, role, unexcited
-from seatrial.problem.parameter import STRIPS
-from seatrial.statistics.information import (
+from seatrial.problem.settings import STRIPS
+from seatrial.statistics.linearisation import (
     NULL,
+    Linearisation,
+    Unknown,
     correlation,
     covariance,
     eliminate,
@@ -46,7 +48,6 @@ from seatrial.statistics.information import (
     regression,
     singular,
 )
-from seatrial.statistics.linearisation import Linearisation, Unknown
 
 
 @dataclass(frozen=True)

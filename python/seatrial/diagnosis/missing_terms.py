@@ -1,7 +1,7 @@
 """Missing terms: coefficients that the campaign holds and the residuals ask for, ranked, with alternatives.
 
 Candidates are the coefficients that an estimate holds and that act on a free axis. Each is tried by an exact
-score test (`seatrial.statistics.score_test`), at a false discovery rate over all that are tried. Among the
+score test (`seatrial.statistics.significance`), at a false discovery rate over all that are tried. Among the
 significant ones that of the largest gain leads; one that adds nothing beside it, and beside which it adds
 nothing, is an alternative that these data cannot tell from it ("free Y_ur or Y_rdot"). Then the leader counts
 as fitted and the rest is tried again.
@@ -29,9 +29,10 @@ from seatrial.base.finding import Finding, Severity
 from seatrial.base.plain import Plain
 from seatrial.base.report import sentence_of
 from seatrial.diagnosis.residual_signals import autocorrelations, block_length, block_numbers
-from seatrial.problem.parameter import OF_AN_AXIS, STRIPS, axes_of
+from seatrial.problem.parameter import OF_AN_AXIS, axes_of
+from seatrial.problem.settings import STRIPS
 from seatrial.statistics.linearisation import Linearisation
-from seatrial.statistics.score_test import ScoreTests, false_discovery, score_tests, unexplained
+from seatrial.statistics.significance import ScoreTests, false_discovery, score_tests, unexplained
 from seatrial.vehicle.actuators import actuator_groups
 
 if TYPE_CHECKING:

@@ -49,7 +49,7 @@ from seatrial.diagnosis.residual_signals import (
 from seatrial.estimation.joint_estimate import linearise
 from seatrial.problem.parameter import coefficient_names
 from seatrial.statistics.linearisation import Linearisation
-from seatrial.statistics.score_test import ScoreTests, score_tests
+from seatrial.statistics.significance import ScoreTests, score_tests
 
 if TYPE_CHECKING:
     from seatrial.estimation.joint import Joint

@@ -5,7 +5,7 @@ autocorrelation, and blocks long enough to count as independent (Box & Jenkins 1
 
 The residual of each velocity is regressed on products of states, commands and time, taken as they are (what a
 sensor does: a lever, a scale, a late channel) and through a first-order lag (what a force does). Every column
-is tested beside all that is fitted (`seatrial.statistics.score_test`), at a false discovery rate over all
+is tested beside all that is fitted (`seatrial.statistics.significance`), at a false discovery rate over all
 channels, signals and lags.
 
 Tests: ``tests/diagnosis/test_residual_analysis.py``.
@@ -29,7 +29,13 @@ from seatrial.base.plain import Plain
 from seatrial.base.report import sentence_of
 from seatrial.statistics.blocks import autocorrelation
 from seatrial.statistics.linearisation import Linearisation, Piece
-from seatrial.statistics.score_test import ScoreTests, SingleTests, false_discovery, score_tests, single_tests
+from seatrial.statistics.significance import (
+    ScoreTests,
+    SingleTests,
+    false_discovery,
+    score_tests,
+    single_tests,
+)
 
 if TYPE_CHECKING:
     from seatrial.trial.trial import Trial

@@ -17,7 +17,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from seatrial.base.channels import AXES, VELOCITIES
-from seatrial.problem.parameter import STRIPS, axes_of
+from seatrial.problem.parameter import axes_of
+from seatrial.problem.settings import STRIPS
 
 _PARTS_OF = {
     "thrust": "gain p1_ahead p1_astern",

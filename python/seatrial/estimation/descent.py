@@ -145,13 +145,7 @@ def _step(slopes: Slopes, jacobian: Array, lower: Array, upper: Array) -> Array:
 
 
 class Criterion:
-    """Costs ``(k,)`` of candidates ``(k, m)`` over the segments of a stage.
-
-    Parameters
-    ----------
-    problem : Problem
-        Of the stage. The costs do not depend on its threads.
-    """
+    """Costs ``(k,)`` of candidates ``(k, m)`` over the segments of a stage."""
 
     def __init__(self, model: SegmentModel) -> None:
         self.model, self.data = model, model.data

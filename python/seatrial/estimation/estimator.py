@@ -416,16 +416,9 @@ class Estimator(Protocol):
     """
 
     def estimate(
-        self,
-        start: Array | None,
-        *,
-        rounds: int,
-        fixed: Sequence[int],
-        also: Sequence[Array],
-        near: bool,
-        watch: Callable[[Step], None] | None,
+        self, start: Array | None, *, rounds: int, near: bool, watch: Callable[[Step], None] | None
     ) -> Polished:
-        """The estimate that a start (m,) and others lead to (`seatrial.estimation.joint_estimate.polish`)."""
+        """The estimate that a start (m,) leads to (`seatrial.estimation.joint_estimate.polish`)."""
 
     def linearised(
         self, values: Array, *, initial: Array | None, noise: Array | None, extra: Sequence[str]

@@ -26,8 +26,7 @@ import numpy as np
 from seatrial._core import initial_names, nuisance_names
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import AXES, CHANNELS, deviations
-from seatrial.estimation.segment_model import SegmentModel, StageData, cut
-from seatrial.estimation.step import stage_step
+from seatrial.estimation.segment_model import SegmentModel, StageData, cut, stage_step
 from seatrial.inspect.feedback import EVENT_LIMITS, Event
 from seatrial.problem.parameter import parameters
 from seatrial.scoring.record import restarted

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from seatrial._core import initial_names
 from seatrial.base.arrays import Array
 from seatrial.estimation.joint import Joint
-from seatrial.statistics.linearisation import Linearisation, Piece, Unknown, trust
+from seatrial.statistics.linearisation import Linearisation, Piece, trust
 from seatrial.vehicle.actuators import fins_and_groups, pushed_axes
 
 INITIALS: tuple[str, ...] = tuple(initial_names())
@@ -97,14 +97,7 @@ class _Local:
 
 
 class GaussNewton:
-    """Workspace of one polish.
-
-    Parameters
-    ----------
-    joint : Joint
-    fixed : frozenset of int
-        Places of unknowns that keep their value.
-    """
+    """Workspace of one descent; `fixed` are the places of unknowns that keep their value."""
 
     def __init__(self, joint: Joint, fixed: frozenset[int] = frozenset()) -> None:
         self.joint = joint
@@ -353,8 +346,6 @@ class GaussNewton:
     def linearisation(self, values: Array, initial: Array, extra: Sequence[str]) -> Linearisation:
         """Linearisation at a point."""
         joint, pieces = self.joint, []
-        info = joint.vehicle.coefficient_info()
-        present = joint.vehicle.coefficients()
         size = len(self.unknowns) + len(extra)
         residuals = self.residuals(values, initial)
         slopes = joint.slopes(values, initial, extra=extra, judging=True, residuals=residuals)
@@ -380,13 +371,10 @@ class GaussNewton:
                     nu=trial.smooth_nu(trial.t[segment.start : segment.stop])[0],
                 )
             )
-        added = tuple(
-            Unknown(name, "coefficient", info[name]["unit"], -math.inf, math.inf, math.inf, 0.0, math.inf)
-            for name in extra
-        )
+        unknowns, values = joint.beside(values, extra)
         return Linearisation(
-            unknowns=(*joint.unknowns, *added),
-            values=np.append(values, [present.get(name, 0.0) for name in extra]),
+            unknowns=unknowns,
+            values=values,
             channels=joint.channels,
             noise=self.noise.copy(),
             dt=joint.data.dt,

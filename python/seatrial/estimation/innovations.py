@@ -45,7 +45,7 @@ from seatrial.estimation.one_step import (
     Span,
 )
 from seatrial.scoring.baselines import predicted_from_past
-from seatrial.statistics.linearisation import Linearisation, Piece, Unknown
+from seatrial.statistics.linearisation import Linearisation, Piece
 from seatrial.trial.trial import Trial
 from seatrial.vehicle.actuators import fins_and_groups, pushed_axes
 
@@ -116,19 +116,10 @@ class _Begun(NamedTuple):
 
 
 class Innovations:
-    """Workspace of the joint estimate with a noise model.
+    """Workspace of the joint estimate with a noise model; `steps` is the model over a sample along the data.
 
-    Parameters
-    ----------
-    joint : Joint
-    held_out : bool or None
-        Whether on the data that the campaign holds out, to judge, in place of those that it fits; None: on
-        both.
-
-    Attributes
-    ----------
-    steps
-        The model over one sample, along these data.
+    ``held_out``: whether on the data that the campaign holds out, to judge, in place of those that it fits;
+    None: on both.
     """
 
     def __init__(self, joint: Joint, *, held_out: bool | None = False) -> None:
@@ -163,9 +154,7 @@ class Innovations:
         self.joint.noise_model, self.steps.path, self._likeliest = best.noise, best.path, best
         return best.start
 
-    def estimate(
-        self, start: Array, rounds: int, fixed: Sequence[int], watch: Callable[[Step], None] | None
-    ) -> Outcome:
+    def estimate(self, start: Array, rounds: int, watch: Callable[[Step], None] | None) -> Outcome:
         """The estimate that a start (m,) leads to.
 
         Raises NumericalError: the filter leaves the log at the start. Where it does after a step, the step is
@@ -187,7 +176,7 @@ class Innovations:
                     watch(Step("polish", count, rounds, count, cost, time.monotonic() - began))
                 if count >= rounds or converged:
                     break
-                taken = self.criterion.step(errors, noise, at, self.joint.centres(start), fixed)
+                taken = self.criterion.step(errors, noise, at, self.joint.centres(start))
                 moved = np.clip(at + taken.step, self.criterion.lower, self.criterion.upper)
                 size = np.sqrt(np.diag(np.linalg.pinv(taken.information)))
                 converged = bool(np.all(np.abs(moved - at) < SETTINGS.close_sd * size)) and count > 0
@@ -268,15 +257,10 @@ class Innovations:
                     nu=trial.smooth_nu(t)[0],
                 )
             )
-        # Extra coefficients have neither bounds nor priors: they are only tested.
-        info, present = joint.vehicle.coefficient_info(), joint.vehicle.coefficients()
-        added = tuple(
-            Unknown(name, "coefficient", info[name]["unit"], -math.inf, math.inf, math.inf, 0.0, math.inf)
-            for name in extra
-        )
+        unknowns, values = joint.beside(values, extra)
         return Linearisation(
-            unknowns=(*joint.unknowns, *added),
-            values=np.append(values, [present.get(name, 0.0) for name in extra]),
+            unknowns=unknowns,
+            values=values,
             channels=self.steps.channels,
             noise=noise,
             dt=self.dt,

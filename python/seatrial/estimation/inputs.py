@@ -321,13 +321,6 @@ class InputJudgement(Plain, also="sentences"):
         return "\n".join(self.sentences())
 
 
-def trained(problem: Problem) -> tuple[str, ...]:
-    """Names of the trials that a campaign fits, in the order of its file."""
-    stages = {name for stage in problem.stages for name in stage.trials}
-    polish = set(problem.joint.trials) if problem.joint else set()
-    return tuple(name for name in problem.trials if name in stages | polish)
-
-
 def judge_inputs(problem: Problem) -> InputJudgement:
     """Judgement of a campaign's inputs over the training parts of its trials.
 
@@ -348,7 +341,7 @@ def judge_inputs(problem: Problem) -> InputJudgement:
     'SbU - SbL - PU + PL'
     """
     vehicle = problem.vehicle
-    parts = [_inputs(problem, name) for name in trained(problem)]
+    parts = [_inputs(problem, name) for name in problem.trained]
     lever = np.array([1.0, 1.0, 1.0, *[max(0.5 * vehicle.geometry().get("length", 2.0), 1e-6)] * 3])
     wrench, weight = _joined([(part.sum(axis=1), dt) for part, dt, _ in parts])
     rows_rms = dict(zip(AXES, map(float, np.linalg.norm(centred(wrench, weight), axis=0)), strict=True))

@@ -12,32 +12,34 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seatrial._core import Vehicle, nuisance_names
+from seatrial._core import Vehicle
 from seatrial.base.arrays import Array, Mask, runs
 from seatrial.base.channels import AXES, CHANNELS
-from seatrial.base.errors import CampaignError, nearest
 from seatrial.estimation.descent import velocity_noise
 from seatrial.estimation.estimator import COMPARISONS, ByItself, Comparison, Method, NoiseModel, method_of
-from seatrial.estimation.segment_model import SegmentModel, cut, unfit_trials
-from seatrial.estimation.step import stage_step
-from seatrial.problem.parameter import Parameter, coefficients, parameters
-from seatrial.problem.settings import Axes, Coefficient, JointSettings, Stage
+from seatrial.estimation.segment_model import SegmentModel, cut, stage_step, unfit_trials
+from seatrial.problem.parameter import (
+    Parameter,
+    coefficients,
+    nuisance_prior,
+    nuisance_rows,
+    nuisances,
+    parameters,
+)
+from seatrial.problem.settings import JointSettings, Stage
 from seatrial.scoring.record import Segment, restarted
 from seatrial.statistics.linearisation import Unknown
 from seatrial.trial.trial import Trial
 
 if TYPE_CHECKING:
     from seatrial.problem.problem import Problem
-
-NAMES: tuple[str, ...] = tuple(nuisance_names())
-"""Names in the core's order."""
 
 
 @dataclass(frozen=True)
@@ -65,95 +67,13 @@ class JointPriorSettings:
 JOINT_PRIOR_SETTINGS = JointPriorSettings()
 
 
-_SPREAD = {
-    "current": (0.3, "m/s", False),
-    "tilt": (0.05, "rad", False),
-    "lever": (0.3, "m", True),
-    "latency": (0.1, "s", True),
-}
-
-_FORCE = {"XYZ": (5.0, "N"), "KMN": (2.0, "N m")}
-
-_BIAS = {"uvw": (0.02, "m/s"), "pqr": (0.01, "rad/s"), "xyz": (0.2, "m"), "angles": (0.05, "rad")}
-
-
-@dataclass(frozen=True)
-class Nuisance:
-    """One nuisance parameter: its column in the core's row, the trials that it belongs to, its prior.
-
-    The prior is centred at zero; ``sd`` is in ``unit``.
-    """
-
-    name: str
-    key: str
-    column: int
-    trials: tuple[int, ...]
-    unit: str
-    sd: float
-
-
-def nuisances(polish: JointSettings, trials: Sequence[str], where: str) -> tuple[Nuisance, ...]:
-    """Nuisance parameters that a campaign asks for on its trials.
-
-    ``trials``: the trials of the joint estimate, in its order. ``where``: words for messages. Raises
-    CampaignError: an unknown nuisance parameter or trial.
-    """
-    parameters = []
-    for key, entry in polish.nuisances.items():
-        if key not in NAMES:
-            raise CampaignError(
-                f"{where}, key nuisances: unknown nuisance parameter {key!r}{nearest(key, NAMES)};"
-                f" there are {', '.join(NAMES)}"
-            )
-        for name in entry.trials:
-            if name not in trials:
-                raise CampaignError(
-                    f"{where}, key nuisances, {key}: trial {name!r} is not in the joint estimate"
-                    + nearest(name, trials)
-                )
-        sd, unit, shared = _prior(key)
-        chosen = [index for index, name in enumerate(trials) if not entry.trials or name in entry.trials]
-        together = shared if entry.shared is None else entry.shared
-        for group in [tuple(chosen)] if together else [(index,) for index in chosen]:
-            label = key if len(group) == len(trials) else f"{', '.join(trials[i] for i in group)}: {key}"
-            parameters.append(Nuisance(label, key, NAMES.index(key), group, unit, entry.sd or sd))
-    return tuple(parameters)
-
-
-def rows(parameters: Sequence[Nuisance], values: Array, trials: int) -> Array:
-    """Core's rows (trials, 38) of the values of nuisance parameters."""
-    table = np.zeros((trials, len(NAMES)))
-    for nuisance, value in zip(parameters, values, strict=True):
-        table[list(nuisance.trials), nuisance.column] = value
-    return table
-
-
-def _prior(key: str) -> tuple[float, str, bool]:
-    """Standard deviation, unit, and whether all trials share it, unless the campaign says otherwise."""
-    kind, _, channel = key.partition("_")
-    if kind in _SPREAD:
-        return _SPREAD[kind]
-    if kind == "force":
-        return *next(entry for axes, entry in _FORCE.items() if channel in axes), False
-    sd, unit = next((entry for channels, entry in _BIAS.items() if channel in channels), _BIAS["angles"])
-    return sd, unit, False
-
-
-def joint_stage(problem: Problem) -> Stage:
-    """The joint estimate as one stage: by default all that the stages free, on all of their trials.
-
-    Raises CampaignError: ``[polish]`` names an unknown coefficient or trial.
-    """
-    return _joint_stage(problem, problem.stages)
-
-
 def _usable(problem: Problem) -> tuple[Stage, dict[str, str]]:
     """The joint estimate as one stage, and the trials that are left out of it with the reason.
 
     A campaign without ``[polish]`` asks for no joint estimate, only for standard deviations: a trial that
     does not suit it costs those of the coefficients that no other trial tells, not all.
     """
-    whole = joint_stage(problem)
+    whole = problem.joint_stage()
     reasons = unfit_trials(problem, whole) if problem.joint is None else {}
     if not 0 < len(reasons) < len(whole.trials):
         return whole, {}
@@ -161,46 +81,7 @@ def _usable(problem: Problem) -> tuple[Stage, dict[str, str]]:
         stage.model_copy(update={"trials": tuple(name for name in stage.trials if name not in reasons)})
         for stage in problem.stages
     ]
-    return _joint_stage(problem, [stage for stage in kept if stage.trials]), reasons
-
-
-def _joint_stage(problem: Problem, stages: Sequence[Stage]) -> Stage:
-    """The joint estimate of some stages."""
-    polish, where = problem.joint or JointSettings(), f"{problem.source}: polish"
-    coefficients: dict[str, Coefficient] = {}
-    for stage in stages:
-        coefficients |= stage.coefficients
-    for name in polish.fixed:
-        if coefficients.pop(name, None) is None:
-            raise CampaignError(f"{where}, key fixed: no stage frees {name!r}{nearest(name, coefficients)}")
-    coefficients |= polish.coefficients
-    used = tuple(dict.fromkeys(name for stage in stages for name in stage.trials))
-    trials = polish.trials or used
-    for name in trials:
-        if name not in problem.trials:
-            raise CampaignError(f"{where}, key trials: unknown trial {name!r}{nearest(name, problem.trials)}")
-    axes = polish.axes
-    if axes is None:
-        free = {letter for stage in stages for letter in stage.axes.free}
-        replayed = {letter for stage in stages for letter in stage.axes.measured}
-        axes = Axes(
-            free="".join(letter for letter in AXES if letter in free),
-            measured="".join(letter for letter in AXES if letter in replayed - free),
-        )
-    channels = dict(polish.channels)
-    if not channels:
-        wanted = [CHANNELS[AXES.index(letter)] for letter in axes.free]
-        wanted += [c for stage in stages for c in stage.channels if c not in wanted]
-        known = [c for c in wanted if all(c in problem.trials[name].channels for name in trials)]
-        channels = dict.fromkeys(dict.fromkeys(known), 1.0)
-    return Stage(
-        name="polish",
-        trials=trials,
-        axes=axes,
-        coefficients=coefficients,
-        segment_s=polish.segment_s,
-        channels=channels,
-    )
+    return problem.joint_stage([stage for stage in kept if stage.trials]), reasons
 
 
 class Joint:
@@ -325,6 +206,30 @@ class Joint:
         """What its way of comparing with the log can do."""
         return COMPARISONS[self.method]
 
+    def of_problem(self, problem: Problem, vehicle: Vehicle | None = None) -> Joint:
+        """The same estimate, by the same method, of another problem, from this vehicle or another one."""
+        hidden = self.hidden & set(problem.joint_stage().coefficients)
+        vehicle = self.vehicle if vehicle is None else vehicle
+        other = Joint(problem, vehicle, threads=self.threads, method=self.method, hidden=hidden)
+        other.method_reason = self.method_reason
+        return other
+
+    def beside(self, values: Array, extra: Sequence[str]) -> tuple[tuple[Unknown, ...], Array]:
+        """Unknowns and values with further coefficients, without bounds and priors: they are only tested."""
+        info, present = self.vehicle.coefficient_info(), self.vehicle.coefficients()
+        free = (-math.inf, math.inf, math.inf, 0.0, math.inf)
+        added = (Unknown(name, "coefficient", info[name]["unit"], *free) for name in extra)
+        return (*self.unknowns, *added), np.append(values, [present.get(name, 0.0) for name in extra])
+
+    def named(self, values: Array) -> dict[str, float]:
+        """Values (m,) of the unknowns by name."""
+        return dict(zip([unknown.name for unknown in self.unknowns], values.tolist(), strict=True))
+
+    def started(self, known: Mapping[str, float]) -> Array:
+        """Start values (m,), those that are known by name in place of its own."""
+        own = zip(self.unknowns, self.start.tolist(), strict=True)
+        return np.array([known.get(unknown.name, value) for unknown, value in own])
+
     def sentences(self) -> list[str]:
         """Which trials are left out and which coefficients have no standard deviation for it."""
         names = {p.name for p in self.parameters}
@@ -438,7 +343,7 @@ class Joint:
         """
         by_trial: dict[str, dict[str, float]] = {}
         for nuisance, value in zip(self.nuisances, values[len(self.parameters) :].tolist(), strict=True):
-            whole = len(nuisance.trials) == len(self.data.names) and _prior(nuisance.key)[2]
+            whole = len(nuisance.trials) == len(self.data.names) and nuisance_prior(nuisance.key)[2]
             names = self.problem.trials if whole else [self.data.names[i] for i in nuisance.trials]
             for name in names:
                 by_trial.setdefault(name, {})[nuisance.key] = value
@@ -533,7 +438,7 @@ class Joint:
 
     def _nuisance(self, values: Array) -> Array:
         """The core's rows (trials, 38) of the nuisance parameters among the unknowns' values."""
-        return rows(self.nuisances, values[len(self.parameters) :], len(self.data.records))
+        return nuisance_rows(self.nuisances, values[len(self.parameters) :], len(self.data.records))
 
     def _hidden(self, parameter: Parameter) -> Unknown:
         """A hidden coefficient as a nuisance parameter around the vehicle's value."""

@@ -49,6 +49,7 @@ from seatrial.inspect.waves import BROAD, peak, spectra
 if TYPE_CHECKING:
     from seatrial._core import LinearModel
 
+
 _T = TypeVar("_T")
 
 GRAVITY = 9.81
@@ -255,19 +256,10 @@ def _towards(spans: Sequence[Span], noise: NoiseModel, toward: float) -> NoiseMo
 
 
 class Filters:
-    """The filters of some spans with the noises of one kind.
+    """The filters of some spans with the noises of one kind, whose variances are given at each call.
 
-    Parameters
-    ----------
-    spans
-    noise
-        Its frequency and kinds of noises; the variances are given at each call.
-    dt
-        Time between samples, s.
-    seen
-        Places of the measured channels in the state.
-    threads
-        All processors when None; no result depends on it.
+    ``dt``: time between samples, s. ``seen``: places of the measured channels in the state. ``threads``: all
+    processors when None; no result depends on it.
     """
 
     def __init__(

@@ -29,7 +29,7 @@ from seatrial.base.channels import AXES, CHANNELS, VELOCITIES
 from seatrial.base.errors import CampaignError
 from seatrial.base.frames import from_euler, matrix, shorter, to_euler
 from seatrial.estimation.joint import Joint
-from seatrial.estimation.step import STEP_SETTINGS
+from seatrial.estimation.segment_model import STEP_SETTINGS
 from seatrial.problem.parameter import coefficient_names, expansion_matrix
 from seatrial.scoring.record import Record, Replay
 from seatrial.statistics.linearisation import trust
@@ -118,27 +118,12 @@ class Path(NamedTuple):
 
 
 class OneStep:
-    """The model over one sample along the training or held-out data of a joint estimate.
+    """The model over one sample along training data, held-out data or the whole trials of a joint estimate.
 
-    Parameters
-    ----------
-    joint : Joint
-    held_out : bool or None
-        None: along whole trials.
-
-    Attributes
-    ----------
-    states
-        Channels (S) of the state: velocities first.
-    channels
-        Those (Y) of them that were measured: a rate or velocity that was derived from the pose is not.
-    path
-        The motions that derivatives are taken along from now on.
-
-    Raises
-    ------
-    CampaignError
-        No axis is simulated whose velocity or angle was measured, or no trial is measured for long enough.
+    `states` are the channels (S) of the state, velocities first, `channels` those (Y) of them that were
+    measured: a rate or velocity that was derived from the pose is not. `path` holds the motions that
+    derivatives are taken along from now on. Raises CampaignError: no axis is simulated whose velocity or
+    angle was measured, or no trial is measured for long enough.
     """
 
     def __init__(self, joint: Joint, *, held_out: bool | None = False) -> None:
@@ -407,12 +392,7 @@ class GaussNewtonStep(NamedTuple):
 
 
 class PredictionErrorCriterion:
-    """Robust sum of squares of prediction errors, with the bounds, priors and loss of a joint estimate.
-
-    Parameters
-    ----------
-    joint : Joint
-    """
+    """Robust sum of squares of prediction errors, with the bounds, priors and loss of a joint estimate."""
 
     def __init__(self, joint: Joint) -> None:
         self.unknowns = joint.unknowns
@@ -448,15 +428,9 @@ class PredictionErrorCriterion:
         return total
 
     def step(
-        self,
-        errors: Sequence[Errors],
-        noise: Array,
-        at: Array,
-        centre: Array,
-        fixed: Sequence[int] = (),
-        overlap: int = 1,
+        self, errors: Sequence[Errors], noise: Array, at: Array, centre: Array, overlap: int = 1
     ) -> GaussNewtonStep:
-        """The step from a point (m,) with priors around another one; what is fixed stays.
+        """The step from a point (m,) with priors around another one.
 
         Predictions over a horizon of ``overlap`` samples overlap, and so many of them tell as much as one:
         the priors weigh accordingly more.
@@ -479,18 +453,14 @@ class PredictionErrorCriterion:
         if not instrumented:
             information = metric
         gradient = np.sum(blocks, axis=0) - precision * (at - centre)
-        free = np.array([i for i in range(len(at)) if i not in set(fixed)], dtype=np.intp)
-        scale = self.scale[free]
         # The equations in the metric in which they are independent, so that a bound costs what it should.
-        scaled = metric[np.ix_(free, free)] * np.outer(scale, scale)
+        scale, units = self.scale, np.outer(self.scale, self.scale)
+        scaled = metric * units
         size = np.sqrt(np.diag(scaled))
-        factor = np.linalg.cholesky(scaled / np.outer(size, size) + 1e-10 * np.eye(len(free))).T * size
-        rows = factor
-        if instrumented:
-            rows = np.linalg.solve(factor.T, information[np.ix_(free, free)] * np.outer(scale, scale))
-        target = np.linalg.solve(factor.T, gradient[free] * scale)
-        away = [(bound[free] - at[free]) / scale for bound in (self.lower, self.upper)]
+        factor = np.linalg.cholesky(scaled / np.outer(size, size) + 1e-10 * np.eye(len(at))).T * size
+        rows = np.linalg.solve(factor.T, information * units) if instrumented else factor
+        target = np.linalg.solve(factor.T, gradient * scale)
+        away = [(bound - at) / scale for bound in (self.lower, self.upper)]
         solution = lsq_linear(rows, target, (np.minimum(away[0], -1e-12), np.maximum(away[1], 1e-12)))
-        step = np.zeros(len(at))
-        step[free] = solution.x * scale
+        step = solution.x * scale
         return GaussNewtonStep(step, information, np.linalg.solve(information, np.array(blocks).T).T)

@@ -1,7 +1,12 @@
-"""Absolute scale of an identified vehicle: what an anchor implies, and how it compares with what was held.
+"""Absolute scale of an identified vehicle: what trials cannot tell, what an anchor implies, what was held.
 
-An identified vehicle is right up to one factor on all forces (`seatrial.estimation.homogeneity`). An anchor
-is one known force or mass; over the same one in the identified vehicle it gives the factor:
+Both sides of ``M nu' = tau - C(nu) nu - D nu + tau_L - g + bias`` are of the first degree in mass, inertia,
+added mass, damping, lift, weight, buoyancy, bias and thrust; centres, lags and dead times stay. Scaled
+together they change no motion (the homogeneous direction): trials tell ratios only, and what a campaign holds
+decides the scale of all that it frees. Of mass and added mass, of weight and buoyancy only the sums act: a
+mass held beside a free added mass holds nothing.
+
+An anchor is one known force or mass; over the same one in the identified vehicle it gives the factor:
 
 * bollard: force measured at rest over that of the model's thrusters under the same commands;
 * ballast: its weight in water over the force that the model needs for the answer that was seen: a steady
@@ -22,22 +27,24 @@ Tests: ``tests/estimation/test_anchor.py``.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from seatrial.base.channels import AXES, VELOCITIES
 from seatrial.base.errors import CampaignError, nearest
 from seatrial.base.plain import Plain
 from seatrial.base.report import wording, words_about
-from seatrial.estimation.homogeneity import Homogeneity, homogeneity, ratios, thrust_factors
-from seatrial.problem.settings import Anchor, Ballast, Bollard, DryMass
-from seatrial.vehicle.actuators import NOMINAL_V, actuator_groups, bollard
+from seatrial.problem.parameter import axes_of, coefficient_names, parameters
+from seatrial.problem.settings import STRIPS, Anchor, Ballast, Bollard, DryMass
+from seatrial.vehicle.actuators import NOMINAL_V, actuator_groups, bollard, pushes
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.problem.problem import Problem
+
 
 MOTIONS = {"X": "surge", "Y": "sway", "Z": "heave"}
 
@@ -349,3 +356,202 @@ def _implied(
         file_height_m=file_height_m,
         g=g,
     )
+
+
+_CENTRES = frozenset(f"{axis}_{centre}" for axis in "xyz" for centre in "gb")
+
+_CURVE = (
+    *("p1_ahead", "p1_astern", "p2", "q1", "q2"),
+    *(f"{name}_{side}" for name in ("a0", "a1", "a11") for side in ("ahead", "astern")),
+)
+
+
+@dataclass(frozen=True)
+class HomogeneitySettings:
+    """Thresholds of homogeneity."""
+
+    lever: float = 1e-9  #: kg m, N m: a product smaller than this is zero
+
+
+SETTINGS = HomogeneitySettings()
+
+
+WRENCH, THRUST, LIFT, MASS, NET = "wrench", "thrust", "fin lift", "mass and inertia", "net weight"
+
+RIGHTING, FORCES, STATIC = "righting moment", "damping, lift and bias", "static moment"
+
+
+@dataclass(frozen=True)
+class Held:
+    """What a campaign holds of the homogeneous direction: its kind and its members as people write them."""
+
+    kind: str
+    members: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Homogeneity(Plain, also="sentences"):
+    """The homogeneous direction of a campaign: its members, which of them are free, what holds the scale."""
+
+    #: Coefficients that scaled together change no motion.
+    members: tuple[str, ...]
+    #: Those of them that the campaign frees.
+    free: tuple[str, ...]
+    #: What is held and acts in the free axes, the most telling first; empty: the scale is arbitrary.
+    held: tuple[Held, ...]
+
+    @property
+    def strong(self) -> dict[str, str]:
+        """What of the held values sets the scale, by kind, the most telling first."""
+        return {held.kind: ", ".join(held.members) for held in self.held if held.kind != STATIC}
+
+    def sentences(self) -> list[str]:
+        """Name of the direction, and what the scale rests on."""
+        return list(wording("preparation").homogeneity(self))
+
+
+def homogeneous_direction(vehicle: Vehicle) -> tuple[str, ...]:
+    """Names of the coefficients that scaled together change no motion under the same commands.
+
+    A thruster's thrust and torque are scaled by its gain; `scaled` divides its loss per newton.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> direction = homogeneous_direction(st.Vehicle.load("cwolf"))
+    >>> "X_uu" in direction, "PL.gain" in direction, "z_b" in direction
+    (True, True, False)
+    """
+    values = vehicle.coefficients()
+    hull = [name for name, value in values.items() if "." not in name and name not in _CENTRES and value]
+    return (*hull, *(f"{name}.gain" for name in vehicle.actuators))
+
+
+def scaled(vehicle: Vehicle, factor: float) -> Vehicle:
+    """Vehicle with the homogeneous direction scaled: it moves alike under the same commands."""
+    values = vehicle.coefficients()
+    together = {name: factor * values[name] for name in homogeneous_direction(vehicle) if name in values}
+    per_newton = {name: value / factor for name, value in values.items() if name.endswith(".loss")}
+    return vehicle.with_coefficients(together | per_newton)
+
+
+def thrust_factors(vehicle: Vehicle, reference: Vehicle) -> dict[str, float]:
+    """Thrust at rest of every actuator over that of a reference vehicle, mean of ahead and astern."""
+    factors: dict[str, list[float]] = {}
+    for push, other in zip(pushes(vehicle), pushes(reference), strict=True):
+        size = float(np.linalg.norm(other.wrench))
+        if size > 0.0:
+            factors.setdefault(push.actuator, []).append(float(np.linalg.norm(push.wrench)) / size)
+    return {name: float(np.mean(factor)) for name, factor in factors.items()}
+
+
+def ratios(vehicle: Vehicle, reference: Vehicle) -> dict[str, float]:
+    """What trials tell of the hull whatever the scale: its sums and coefficients over the mean thrust factor.
+
+    Apparent masses and inertias, damping, lift and bias, net weight and the moments of weight and buoyancy,
+    in SI per unit of the thrust of a reference vehicle; zeros are left out.
+    """
+    thrust = float(np.mean(list(thrust_factors(vehicle, reference).values()) or [1.0]))
+    values, mass, g = vehicle.coefficients(), np.asarray(vehicle.mass_matrix()), vehicle.environment()["g"]
+    sums = {_mass(axis): float(mass[axis, axis]) for axis in range(6)}
+    sums |= {name: values[name] for name in _coupling(values)}
+    sums["m g - B"] = values["m"] * g - values.get("B", 0.0)
+    sums |= _moments(values, g)
+    return {name: value / thrust for name, value in sums.items() if value}
+
+
+def homogeneity(problem: Problem) -> Homogeneity:
+    """Homogeneous direction of a campaign, all of its stages taken together.
+
+    Raises CampaignError: the joint estimate names what is not there.
+    """
+    vehicle, stage = problem.vehicle, problem.joint_stage()
+    free = set(coefficient_names(parameters(stage, vehicle, f"{problem.source}: polish")))
+    rows = stage.axes.free
+    logged = all(problem.input_of(name) == "tau" for name in stage.trials)
+    values, facts, groups = vehicle.coefficients(), vehicle.actuator_info(), actuator_groups(vehicle)
+    g, least = vehicle.environment()["g"], SETTINGS.lever
+    acting = () if logged else _thrust(vehicle, groups, free, rows)
+    lifting = [x for x in acting if all(facts[actuator]["kind"] == "fin" for actuator in groups.get(x, [x]))]
+    net, trimmed = values["m"] * g - values.get("B", 0.0), bool({"m", "B"} & free)
+    # Each kind with those of its members that are held and act in the free axes, the most telling first.
+    kinds: dict[str, Iterable[str]] = {
+        WRENCH: ["the logged wrench"] if logged else [],
+        THRUST: [name for name in acting if name not in lifting],
+        LIFT: lifting,
+        # Diagonal of M: mass or inertia and added mass, both held.
+        MASS: [_mass(k) for k in range(6) if AXES[k] in rows and not {_own(k), _added(k)} & free],
+        NET: ["m g - B"] if "Z" in rows and abs(net) > least and not trimmed else [],
+        RIGHTING: [
+            name
+            for name, moment in _moments(values, g).items()
+            if set({"x": "MN", "y": "KN", "z": "KM"}[name[0]]) & set(rows)
+            and abs(moment) > least
+            and not trimmed
+            and not {f"{name[0]}_g", f"{name[0]}_b"} & free
+        ],
+        FORCES: [name for name in _coupling(values) if set(axes_of(name)) & set(rows) and name not in free],
+        # Products of mass and centre of gravity couple translation and rotation.
+        STATIC: [
+            f"m {axis}_g"
+            for axis in "xyz"
+            if abs(values.get(f"{axis}_g", 0.0)) > least and not {"m", f"{axis}_g"} & free and rows
+        ],
+    }
+    members = homogeneous_direction(vehicle)
+    gains = [f"{name}.{key}" for name in vehicle.actuators for key in _CURVE]
+    return Homogeneity(
+        members=members,
+        free=tuple(name for name in (*members, *gains) if name in free),
+        held=tuple(Held(kind, tuple(names)) for kind, names in kinds.items() if names),
+    )
+
+
+def _thrust(vehicle: Vehicle, groups: Mapping[str, list[str]], free: set[str], rows: str) -> list[str]:
+    """Groups, or actuators of a group, whose thrust is held and acts in the free rows."""
+    values, matrix = vehicle.coefficients(), np.asarray(vehicle.allocation_matrix())
+    acting = [AXES.index(row) for row in rows]
+    held = []
+    for k, name in enumerate(vehicle.actuators):
+        curve = {f"{name}.{key}" for key in _CURVE if values.get(f"{name}.{key}")}
+        if f"{name}.gain" in free or (curve & free) or not np.any(np.abs(matrix[acting, k]) > SETTINGS.lever):
+            continue
+        held.append(name)
+    names = []
+    for group, members in groups.items():
+        own = [name for name in members if name in held]
+        names += [group] if len(own) == len(members) else own
+    return names
+
+
+def _moments(values: Mapping[str, float], g: float) -> dict[str, float]:
+    """Moments of weight and buoyancy about O by name: ``r_g W - r_b B`` by component, N m."""
+    weight, buoyancy = values["m"] * g, values.get("B", 0.0)
+    return {
+        f"{axis}_g m g - {axis}_b B": weight * values.get(f"{axis}_g", 0.0)
+        - buoyancy * values.get(f"{axis}_b", 0.0)
+        for axis in "xyz"
+    }
+
+
+def _coupling(values: Mapping[str, float]) -> list[str]:
+    """Names of damping, lift, bias and off-diagonal added mass: ``X_u``, ``Y_ur``, ``N_0``, ``C_Dy``."""
+    diagonal = {_added(axis) for axis in range(6)}
+    forces = tuple(f"{row}_" for row in AXES)
+    return [
+        name
+        for name, value in values.items()
+        if "." not in name and (name.startswith(forces) or name in STRIPS) and value and name not in diagonal
+    ]
+
+
+def _own(axis: int) -> str:
+    return "m" if axis < 3 else f"I_{'xyz'[axis - 3]}"
+
+
+def _added(axis: int) -> str:
+    return f"{AXES[axis]}_{VELOCITIES[axis]}dot"
+
+
+def _mass(axis: int) -> str:
+    return f"{_own(axis)} - {_added(axis)}"

@@ -493,58 +493,6 @@ def _along(corner: Array, axes: Array) -> Array:
     return np.array(simplexes)
 
 
-def minimize(
-    objective: Objective,
-    start: ArrayLike,
-    *,
-    lower: ArrayLike,
-    upper: ArrayLike,
-    seed: int = 0,
-    population: int | None = None,
-    generations: int = 200,
-    rounds: int | None = None,
-    tolerance: float = 1e-4,
-    watch: Watch | None = None,
-) -> Optimum:
-    """Optimum inside the bounds: `evolve`, then `refine` from its best distinct candidates.
-
-    ``objective``, ``start``, ``lower``, ``upper``, ``seed``, ``population``, ``generations``, ``tolerance``,
-    ``watch``: as for `evolve`. ``rounds``: as for `refine`.
-
-    Examples
-    --------
-    >>> from seatrial.estimation.search import minimize
-    >>> valley = lambda x: 100 * (x[:, 1] - x[:, 0] ** 2) ** 2 + (1 - x[:, 0]) ** 2
-    >>> best = minimize(valley, [-1, 2], lower=[-2, -2], upper=[2, 2])
-    >>> bool(abs(best.x - 1).max() < 1e-2)
-    True
-    """
-    coarse = evolve(
-        objective,
-        start,
-        lower=lower,
-        upper=upper,
-        seed=seed,
-        population=population,
-        generations=generations,
-        tolerance=tolerance,
-        watch=watch,
-    )
-    if coarse.interrupted:
-        return coarse
-    fine = refine(
-        objective,
-        coarse.elite,
-        lower=lower,
-        upper=upper,
-        rounds=rounds,
-        tolerance=tolerance,
-        watch=watch,
-        axes=coarse.axes,
-    )
-    return join(coarse, fine)
-
-
 class _Stalled(Exception):
     """Ends simplexes that gain nothing any more."""
 

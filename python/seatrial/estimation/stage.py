@@ -1,46 +1,52 @@
-"""One stage of an identification: its plan, its search, its result.
+"""Stages of an identification: plan, search and result of each, and the order of their run.
 
 A global search ranks candidates with a coarse step; where the campaign asks for it the segments' initial
-velocities are estimated; a descent and simplexes with a fine step find the floor of the valley.
+velocities are estimated; a descent and simplexes with a fine step find the floor of the valley. `StageOrder`
+runs dependent stages one after the other and independent ones side by side; finished ones are kept, so that
+an interrupted run goes on where it stopped.
 
-A frozen axis keeps the velocity that it has at the start of a segment (V_const = 0: Taubert et al. 2014,
-equation 6). Where the vehicle changes it within the segment, the damping, lift and inflow that it causes are
-wrong, and a frozen rate turns the attitude away, weight and buoyancy with it. The stage's coefficients absorb
-the difference, so that such an axis is named (`test_frozen_axis_that_moves_is_named`).
+Tests: ``tests/identification/test_identify.py``, ``tests/estimation/test_step.py``.
 """
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
 import math
+import queue
+import threading
 import time
 import zlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from seatrial.base.arrays import Array
-from seatrial.base.channels import AXES, CHANNELS, DEGREE
+from seatrial.base.chunks import Chunk, Shared, as_it_is, run_chunks
 from seatrial.base.errors import CampaignError, SimulationError, VehicleError
-from seatrial.base.finding import is_numerical
+from seatrial.base.finding import Fallbacks, is_numerical
+from seatrial.base.fleet import threads_of
 from seatrial.base.plain import Plain
-from seatrial.base.work import Step
+from seatrial.base.run import RunDirectory, to_json, version
+from seatrial.base.work import Clock, Progress, Step, Work
 from seatrial.estimation.descent import Criterion, descend, with_initial_velocities
 from seatrial.estimation.search import SEARCH_SETTINGS, batch_size, evolve, join, refine, refine_rounds
-from seatrial.estimation.segment_model import SegmentModel, StageData, cut
-from seatrial.estimation.step import StageStep, around, stage_step
+from seatrial.estimation.segment_model import SegmentModel, StageData, StageStep, around, cut, stage_step
 from seatrial.problem.parameter import Parameter, coefficients
 from seatrial.problem.settings import Stage
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
+    from seatrial.base.fleet import Fleet
     from seatrial.problem.problem import Problem
 
 
 @dataclass(frozen=True)
 class StageRunSettings:
-    """How a stage is searched, and what its frozen axes may do."""
+    """How a stage is searched."""
 
     #: Share of the criterion that the last rounds must gain, unless the campaign says otherwise.
     tolerance: float = 1e-4
@@ -50,10 +56,6 @@ class StageRunSettings:
     probed: int = 1024
     #: Gain at which the global search ends: what is left in its valley is found by descent and simplex.
     coarse_gain: float = 0.1
-    #: Share of the largest speed of all trials by which a frozen velocity may move without a word.
-    frozen_share: float = 0.1
-    #: Angle by which a frozen rate may turn the attitude away without a word, rad.
-    frozen_angle: float = 3.0 * DEGREE
 
 
 STAGE_RUN_SETTINGS = StageRunSettings()
@@ -181,26 +183,57 @@ def plan(problem: Problem) -> tuple[StagePlan, ...]:
     return tuple(plans.values())
 
 
+@dataclass(frozen=True, eq=False)
+class StageSearch:
+    """What the search of a stage needs, wherever it runs."""
+
+    problem: Problem
+    plan: StagePlan
+    #: Estimates of the stages before: they replace the vehicle file's values as start values.
+    earlier: Mapping[str, float]
+
+    @cached_property
+    def vehicle(self) -> Vehicle:
+        """The problem's vehicle with the estimates of the stages before."""
+        return self.problem.vehicle.with_coefficients(dict(self.earlier))
+
+    @cached_property
+    def inputs(self) -> str:
+        """SHA-256 of everything that the result depends on."""
+        plan, data = self.plan, self.plan.data
+        described = {
+            "version": version("seatrial"),
+            "stage": plan.stage.model_dump(),
+            "inputs": [self.problem.input_of(name) for name in plan.stage.trials],
+            "vehicle": self.vehicle.to_toml(),
+            "found": self.earlier,
+            "plan": [
+                *(plan.seed, plan.population, plan.generations, plan.rounds, plan.tolerance),
+                *(plan.step.substeps, plan.step.search),
+            ],
+            "segments": [astuple(segment) for segment in data.segments],
+            "environment": [(trial.rho, trial.g, trial.surface) for trial in data.trials],
+        }
+        digest = hashlib.sha256(to_json(described).encode())
+        for record in data.records:
+            trial = record.trial
+            signals = (trial.t, trial.observed, record.counted, trial.nu, trial.tau, trial.voltage_v)
+            for values in (*signals, trial.current, *trial.commands.values(), *trial.measured.values()):
+                digest.update(b"-" if values is None else np.ascontiguousarray(values).tobytes())
+        return digest.hexdigest()
+
+
 def run_stage(
-    problem: Problem,
-    plan: StagePlan,
-    *,
-    vehicle: Vehicle,
-    earlier: Mapping[str, float],
-    inputs: str,
-    watch: Callable[[Step], None],
-    threads: int | None = None,
+    search: StageSearch, threads: int | None, watch: Callable[[Step], None] = lambda step: None
 ) -> StageResult:
     """Result of a stage: global search, initial velocities where they are estimated, descent, fine search.
 
-    ``vehicle``: with the estimates of the stages before. ``earlier``: those estimates: they replace the
-    vehicle file's values as start values. ``inputs``: hash of all that the result depends on, kept with it.
-    ``watch``: called after every batch of candidates; it may raise KeyboardInterrupt. ``threads``: threads of
-    the core.
+    ``watch``: called after every batch of candidates; it may raise KeyboardInterrupt.
     """
     began = time.monotonic()
+    problem, plan, vehicle = search.problem, search.plan, search.vehicle
     stage, chosen = plan.stage, plan.parameters
-    start = np.array([_start(parameter, earlier) for parameter in chosen])
+    start = np.array([_start(parameter, search.earlier) for parameter in chosen])
 
     def stepped(substeps: int) -> Criterion:
         return Criterion(SegmentModel(vehicle, stage, plan.data, chosen, substeps, threads))
@@ -266,7 +299,7 @@ def run_stage(
         step_s=plan.data.dt / step.substeps,
         rate=step.rate,
         wall_s=time.monotonic() - began,
-        inputs=inputs,
+        inputs=search.inputs,
         interrupted=best.interrupted,
     )
 
@@ -392,50 +425,145 @@ def _start(parameter: Parameter, earlier: Mapping[str, float]) -> float:
     return min(max(earlier[member] / factor, parameter.lower), parameter.upper)
 
 
-def step_sentences(plans: Sequence[StagePlan]) -> tuple[str, ...]:
-    """A sentence per stage whose bounds admit vehicles that the search cannot follow."""
-    sentences = (
-        (stage_plan.stage.name, stage_plan.step.sentence(stage_plan.data.dt)) for stage_plan in plans
-    )
-    return tuple(f"stage {name!r}: {sentence}" for name, sentence in sentences if sentence)
+_WORTH_SAYING_S = 10.0
+"""Stages that took longer than this are followed by a joint estimate that takes long too."""
 
 
-def frozen_motion(plan: StagePlan) -> dict[str, float]:
-    """Motion that a stage's frozen axes miss, by letter: rms over its segments.
+class StageOrder:
+    """Workspace of the stages: one thread per running stage, the caller's thread directs them.
 
-    Of a velocity its change since the start of the segment, m/s; of a rate the integral of that, rad. Axes
-    whose velocity is not recorded are left out.
+    `part` begins the names under which finished stages are kept.
     """
-    axes, trials = plan.stage.axes, plan.data.trials
-    squares, samples = np.zeros(6), 0
-    for piece in plan.data.segments:
-        trial = trials[piece.record]
-        away = trial.smooth_nu(trial.t[piece.start : piece.stop])[0] - np.asarray(piece.nu)
-        away[:, 3:] = np.cumsum(away[:, 3:], axis=0) * trial.dt
-        squares += np.nansum(away**2, axis=0)
-        samples += len(away)
-    return {
-        axis: float(np.sqrt(squares[k] / samples))
-        for k, axis in enumerate(AXES)
-        if axis not in axes.free + axes.measured and all(CHANNELS[k] in trial.channels for trial in trials)
-    }
 
+    def __init__(
+        self,
+        problem: Problem,
+        plans: tuple[StagePlan, ...],
+        run: RunDirectory,
+        work: Work,
+        *,
+        part: str = "",
+        fleet: Fleet | None = None,
+        fallbacks: Fallbacks | None = None,
+    ) -> None:
+        self.problem, self.plans, self.run, self.work = problem, plans, run, work
+        self.part, self.fleet = part, fleet
+        self.fallbacks = fallbacks or Fallbacks()
+        self.stop = threading.Event()
+        self.steps: queue.SimpleQueue[tuple[StagePlan, Step] | None] = queue.SimpleQueue()
+        self.outcomes: dict[str, StageResult | BaseException] = {}
+        self.results: dict[str, StageResult] = {}
+        self.failed: list[str] = []
+        self.clock = Clock()
 
-def frozen_sentences(plans: Sequence[StagePlan]) -> tuple[str, ...]:
-    """A sentence per stage whose frozen axes move noticeably in its recordings."""
-    largest = max((float(plan.data.largest_speeds()[:3].max()) for plan in plans), default=0.0)
-    lines = []
-    for plan in plans:
-        named = []
-        for axis, moved in frozen_motion(plan).items():
-            channel = CHANNELS[AXES.index(axis)]
-            if axis in "XYZ" and moved > STAGE_RUN_SETTINGS.frozen_share * largest:
-                named.append(f"{axis} ({channel} changes by {moved:.2g} m/s)")
-            elif axis in "KMN" and moved > STAGE_RUN_SETTINGS.frozen_angle:
-                named.append(f"{axis} (the attitude is turned by {moved / DEGREE:.2g} deg)")
-        if named:
-            lines.append(
-                f"stage {plan.stage.name!r} freezes axes that move within its segments: {', '.join(named)};"
-                " its coefficients absorb that. Replay them (measured) or shorten segment_s"
-            )
-    return tuple(lines)
+    def stages(self) -> tuple[StageResult, ...]:
+        """Results of the stages that ran, in the order of the campaign.
+
+        A stage that fails (every candidate diverges, a coefficient changes nothing) keeps the values from
+        before it, and those after it go on from there: `failed` names it, `fallbacks` say why.
+        """
+        waiting, progress = list(self.plans), self.work.progress
+        running: list[StagePlan] = []
+        failure: BaseException | None = None
+        while running or (waiting and not self.stop.is_set()):
+            try:
+                for plan in [plan for plan in waiting if self._ready(plan) and not self.stop.is_set()]:
+                    waiting.remove(plan)
+                    running.append(plan)
+                    threading.Thread(target=self._run, args=(plan,), daemon=True).start()
+                # Outcomes wait in a dict, not in the queue: an interrupt may lose what the queue just gave.
+                with contextlib.suppress(queue.Empty):
+                    step = self.steps.get(timeout=0.5)
+                    if step is not None and progress is not None and not self.stop.is_set():
+                        progress(self.state(*step))
+                for plan in [plan for plan in running if plan.stage.name in self.outcomes]:
+                    running.remove(plan)
+                    self._finish(plan.stage.name, self.outcomes[plan.stage.name])
+            except KeyboardInterrupt:
+                if self.stop.is_set() and failure is None:
+                    raise
+                self.stop.set()
+            except BaseException as error:  # raised when the other stages have ended
+                failure = failure or error
+                self.stop.set()
+        if failure is not None:
+            raise failure
+        return tuple(self.results[p.stage.name] for p in self.plans if p.stage.name in self.results)
+
+    def _ready(self, plan: StagePlan) -> bool:
+        return all(name in self.results or name in self.failed for name in plan.stage.after)
+
+    def _finish(self, name: str, outcome: StageResult | BaseException) -> None:
+        if isinstance(outcome, StageResult):
+            self.results[outcome.name] = outcome
+            if outcome.interrupted:
+                self.stop.set()
+            elif not outcome.reused:
+                self.run.keep(f"{self.part}{outcome.name}", outcome.inputs, outcome.to_dict())
+        elif not isinstance(outcome, KeyboardInterrupt):
+            self.fallbacks.add("stage", outcome, of=name)
+            self.failed.append(name)
+
+    def _run(self, plan: StagePlan) -> None:
+        """One stage, in its own thread: kept by an earlier run, searched here or by a worker of the fleet."""
+
+        def stop_if_asked() -> None:
+            if self.stop.is_set():
+                raise KeyboardInterrupt
+
+        def watch(step: Step) -> None:
+            self.steps.put((plan, step))
+            stop_if_asked()
+
+        name, threads = plan.stage.name, self.work.threads
+        try:
+            earlier: dict[str, float] = {}
+            for before in self.problem.stages_before(plan.stage):
+                earlier |= {} if before in self.failed else self.results[before].coefficients
+            search = StageSearch(self.problem, plan, earlier)
+            kept = self.run.finished(f"{self.part}{name}", search.inputs)
+            if kept is not None:
+                self.outcomes[name] = replace(StageResult.from_dict(kept), reused=True)
+            elif self.fleet is None:
+                self.outcomes[name] = run_stage(search, threads, watch)
+            else:
+                shared, own = Shared(search), (threads_of(threads, self.fleet),)
+                chunk = Chunk(f"{self.part}{name}", search.inputs, run_stage, shared, own)
+                nowhere = RunDirectory(None)
+                (done,) = run_chunks([chunk], nowhere, as_it_is(), fleet=self.fleet, waiting=stop_if_asked)
+                self.outcomes[name] = done.value
+        except BaseException as error:  # raised again in the caller's thread
+            self.outcomes[name] = error
+        self.steps.put(None)
+
+    def state(self, plan: StagePlan, step: Step | None) -> Progress:
+        """Progress of the whole after a step of a stage, or before the first one."""
+        planned = {p.stage.name: p.work for p in self.plans}
+        planned |= {name: 0.0 for name, result in self.results.items() if result.reused}
+        done = sum(planned[name] for name in (*self.results, *self.failed))
+        done += plan.done(step) if step else 0.0
+        fraction = min(done / max(sum(planned.values()), done, 1.0), 1.0)
+        return Progress(
+            what=plan.stage.name,
+            done=len(self.results) + len(self.failed),
+            total=len(self.plans),
+            fraction=fraction,
+            elapsed_s=self.clock.elapsed_s,
+            left_s=self.clock.left_s(fraction, 1.0 - fraction),
+            step=step,
+        )
+
+    def joint_state(self, step: Step | None = None) -> Progress:
+        """Progress of the whole where the joint estimate begins, or after a step of it."""
+        stages, elapsed_s = len(self.plans), self.clock.elapsed_s
+        text = f"Stages found after {elapsed_s:.0f} s; the joint estimate follows. Ctrl-C keeps the stages."
+        return Progress(
+            what="joint estimate",
+            done=stages,
+            total=stages + 1,
+            fraction=0.0 if step is None else step.generation / max(step.generations, 1),
+            elapsed_s=elapsed_s,
+            left_s=math.nan if step is None else step.left_s,
+            step=step,
+            notes=(text,) if step is None and elapsed_s > _WORTH_SAYING_S else (),
+        )

@@ -30,14 +30,14 @@ from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS, DEGREE
 from seatrial.base.errors import CampaignError, SimulationError, nearest
 from seatrial.estimation.joint import JOINT_PRIOR_SETTINGS
-from seatrial.estimation.step import stage_step
+from seatrial.estimation.segment_model import stage_step
 from seatrial.experiment.forecast import simulated
 from seatrial.problem.parameter import Parameter, coefficient_names, expansion_matrix
 from seatrial.problem.parameter import parameters as parsed
 from seatrial.problem.settings import Axes, Coefficient, Stage
 from seatrial.sensors.sensor import KINDS
 from seatrial.statistics.blocks import variance_inflation
-from seatrial.statistics.information import eliminate
+from seatrial.statistics.linearisation import eliminate
 from seatrial.vehicle.actuators import NOMINAL_V, voltage_for
 
 if TYPE_CHECKING:

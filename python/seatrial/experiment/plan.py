@@ -34,7 +34,7 @@ from seatrial.experiment.manoeuvre import Manoeuvre
 from seatrial.inspect.verdict import judge as judge_axes
 from seatrial.problem.parameter import Parameter
 from seatrial.problem.problem import Problem
-from seatrial.statistics.information import covariance
+from seatrial.statistics.linearisation import covariance
 from seatrial.vehicle.actuators import NOMINAL_V
 
 if TYPE_CHECKING:

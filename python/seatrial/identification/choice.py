@@ -14,7 +14,7 @@ channel that the stages predict loses much of R2 (`ChoiceSettings`).
 By the same rule coefficients that only a prior bounds leave the joint estimate where it predicts worse with
 them. Where a noise model is estimated along, quadratic damping stands against cross-flow drag by strips, by
 the likelihood of held-out data: a slender hull that sideslips and turns at once is damped by neither velocity
-alone. What both say differently of a coefficient is not identified (`seatrial.estimation.specification`).
+alone. What both say differently of a coefficient is not identified (`seatrial.estimation.joint_estimate`).
 
 Tests: ``tests/identification/test_choice.py``, ``tests/identification/test_damping.py``.
 """
@@ -24,7 +24,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -39,15 +38,14 @@ from seatrial.base.work import Step
 from seatrial.estimation.estimator import NoiseModel, Polished
 from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
-from seatrial.estimation.joint_estimate import polish
-from seatrial.estimation.specification import other_damping
+from seatrial.estimation.joint_estimate import other_damping, polish
 from seatrial.estimation.stage import StageResult, plan, refitted_stage
 from seatrial.identification.hold_out import AHEAD_S, POOLED, part_scores
-from seatrial.problem.parameter import STRIPS
 from seatrial.problem.problem import Problem
+from seatrial.problem.settings import STRIPS
 
 if TYPE_CHECKING:
-    from seatrial.scoring.score import Score
+    pass
 
 
 @dataclass(frozen=True)
@@ -163,9 +161,8 @@ def choose(
 ) -> Choice:
     """Choice between the stages, at which the joint estimate began, and the joint estimate.
 
-    ``joint``: with the stages' vehicle. ``polished``: its joint estimate. ``begun``: the one that starts at
-    the stages' values, where `seatrial.identification.choice` took another one. ``threads``: threads of the
-    core; the choice does not depend on it.
+    ``joint``: with the stages' vehicle. ``begun``: the one that starts at the stages' values, where another
+    one was taken.
     """
     evidence, first, second, rivals = _outside(problem, joint, polished, begun)
     if joint.comparison.models_noise and not first:
@@ -174,8 +171,7 @@ def choose(
         if polished.interrupted:
             return Choice("stages", "interrupted", {}, {}, 0.0, polished)
         evidence = "ends"
-        start = dict(zip([unknown.name for unknown in joint.unknowns], polished.values.tolist(), strict=True))
-        first, second = _refitted(problem, stages, start, threads)
+        first, second = _refitted(problem, stages, joint.named(polished.values), threads)
     judged = [channel for channel in first if channel in second]
     # Positions and angles barely move in ten seconds and score well with any model: velocities tell.
     judged = [channel for channel in judged if channel in VELOCITIES] or judged
@@ -199,28 +195,17 @@ def with_or_without_presumed(
 ) -> tuple[Joint, Polished, tuple[str, ...], str]:
     """The joint estimate with or without coefficients of its own that have a prior (``sd``).
 
-    ``joint``, ``polished``: with them. ``watch``: as of `seatrial.estimation.joint_estimate.polish`. Returns
-    the joint estimate that predicts held-out data better, how it went, the names of what it leaves out, and a
-    sentence on that; with them where nothing is held out.
+    Returns the joint estimate that predicts held-out data better, how it went, the names of what it leaves
+    out, and a sentence on that; with them where nothing is held out.
     """
-    own = joint.problem.joint
-    names = (
-        ()
-        if own is None
-        else tuple(name for name, estimate in own.coefficients.items() if estimate.sd is not None)
-    )
     # Only what a presumption adds: coefficients with a prior that no stage frees.
-    staged = {name for stage in joint.problem.stages for name in stage.coefficients}
-    names = tuple(name for name in names if name not in staged)
+    names = tuple(joint.problem.presumed)
     if not names or polished.interrupted:
         return joint, polished, (), ""
     evidence, _, rich, _ = _outside(joint.problem, joint, polished)
     problem = joint.problem.without_coefficients(set(names))
     # The same estimate without them, from the same vehicle and by the same method.
-    plain = Joint(
-        problem, joint.vehicle, threads=joint.threads, method=joint.method, hidden=joint.hidden - set(names)
-    )
-    plain.method_reason = joint.method_reason
+    plain = joint.of_problem(problem)
     again = polish(plain, watch=watch) if rich else polished
     if not rich or again.interrupted:
         return joint, polished, (), ""
@@ -305,27 +290,17 @@ def _errors(
         problem, vehicle, nuisances=nuisances, parts=("hold_out",), kinds=("ahead",), baselines=False
     ).scores
     errors: dict[str, list[tuple[float, float]]] = {}
-    for trial, score in scores.get("hold_out", {}).get("ahead", {}).items():
-        if trial != POOLED:
-            _collect(errors, score)
-    shares = {}
-    for channel, sums in errors.items():
-        sse, sst = np.sum(sums, axis=0)
-        if sst > 0.0:
-            shares[channel] = float(min(sse / sst, CHOICE_SETTINGS.diverged))
-    return shares
-
-
-def _collect(errors: dict[str, list[tuple[float, float]]], score: Score) -> None:
-    """Add the sums of squares of one trial's channels."""
-    for channel, entry in score.items():
-        if entry.n == 0 or math.isnan(entry.r2):
-            continue
-        if not math.isfinite(entry.r2):
-            errors.setdefault(channel, []).append((CHOICE_SETTINGS.diverged, 1.0))
-            continue
-        sse = entry.rmse**2 * entry.n
-        errors.setdefault(channel, []).append((sse, sse / max(1.0 - entry.r2, 1e-12)))
+    for trial, judged in scores.get("hold_out", {}).get("ahead", {}).items():
+        for channel, entry in judged.items() if trial != POOLED else ():
+            if entry.n and math.isfinite(entry.r2):
+                sse = entry.rmse**2 * entry.n
+                errors.setdefault(channel, []).append((sse, sse / max(1.0 - entry.r2, 1e-12)))
+            elif entry.n and not math.isnan(entry.r2):
+                errors.setdefault(channel, []).append((CHOICE_SETTINGS.diverged, 1.0))
+    pooled = {channel: np.sum(sums, axis=0) for channel, sums in errors.items()}
+    return {
+        c: float(min(sse / sst, CHOICE_SETTINGS.diverged)) for c, (sse, sst) in pooled.items() if sst > 0.0
+    }
 
 
 def _refitted(
@@ -348,11 +323,7 @@ def _refitted(
             )
             vehicle = vehicle.with_coefficients(coefficients)
         joint = Joint(shorter, vehicle, threads=threads).at_search_step()
-        start = [
-            optimum.get(unknown.name, own)
-            for unknown, own in zip(joint.unknowns, joint.start.tolist(), strict=True)
-        ]
-        polished = polish(joint, start=np.array(start), near=True)
+        polished = polish(joint, start=joint.started(optimum), near=True)
         return (
             _errors(shorter, joint.identified(joint.start), None),
             _errors(shorter, joint.identified(polished.values), joint.records(polished.values)),
@@ -373,7 +344,7 @@ def _without_ends(problem: Problem) -> Problem:
 
 def quadratic_or_strips(
     joint: Joint, polished: Polished, *, watch: Callable[[Step], None] | None = None
-) -> tuple[Joint, Polished, Callable[[Problem], Problem], tuple[str, ...]]:
+) -> tuple[Joint, Polished, tuple[str, ...]]:
     """The joint estimate with quadratic damping, or with cross-flow drag by strips in place of it.
 
     Each plane whose quadratic damping is free in both axes (``Y_vv`` and ``N_rr``, ``Z_ww`` and ``M_qq``) is
@@ -382,68 +353,54 @@ def quadratic_or_strips(
     three standard deviations of the difference over blocks of time. Output error is left as it is: its
     residual analysis names strips that are missing.
 
-    ``joint``, ``polished``: with quadratic damping. ``watch``: as of
-    `seatrial.estimation.joint_estimate.polish`. Returns the joint estimate that is likelier, how it went,
-    what makes a campaign one of its kind, and a sentence for each plane that was compared.
+    Returns the joint estimate that is likelier, how it went, and a sentence for each plane that was compared.
     """
-    kind: Callable[[Problem], Problem] = lambda problem: problem  # noqa: E731
     if not joint.comparison.models_noise or polished.interrupted or not slender(joint.vehicle):
-        return joint, polished, kind, ()
+        return joint, polished, ()
     notes: list[str] = []
     for name, made in STRIPS.items():
         free = {unknown.name for unknown in joint.unknowns} - joint.hidden
-        info = joint.vehicle.coefficient_info()
-        if not {made[0], made[-1]} <= free or info.get(name, {}).get("upper") is None:
+        upper = joint.vehicle.coefficient_info().get(name, {}).get("upper")
+        if not {made[0], made[-1]} <= free or upper is None:
             continue
-        replaced = made[0], made[-1]
-        change = partial(
-            Problem.with_strips,
-            name=name,
-            bounds=(0.0, float(info[name]["upper"])),
-            start=CHOICE_SETTINGS.strip_drag,
+        replaced, drag = (made[0], made[-1]), CHOICE_SETTINGS.strip_drag
+        other = joint.of_problem(
+            joint.problem.with_strips(name, (0.0, float(upper)), drag),
+            joint.vehicle.with_coefficients(dict.fromkeys(replaced, 0.0) | {name: drag}),
         )
-        known = dict(zip([unknown.name for unknown in joint.unknowns], polished.values.tolist(), strict=True))
-        vehicle = joint.vehicle.with_coefficients(
-            dict.fromkeys(replaced, 0.0) | {name: CHOICE_SETTINGS.strip_drag}
-        )
-        other = Joint(
-            change(joint.problem), vehicle, threads=joint.threads, method=joint.method, hidden=joint.hidden
-        )
-        other.method_reason = joint.method_reason
         noises: list[NoiseModel | None] = [None] if joint.noise_model is None else [joint.noise_model, None]
-        start = [
-            known.get(unknown.name, own) for unknown, own in zip(other.unknowns, other.start, strict=True)
-        ]
-        held_out, ended = bool(joint.steps(held_out=True)[0]), np.array(start)
+        held_out = bool(joint.steps(held_out=True)[0])
+        ended = other.started(joint.named(polished.values))
+        # A few rounds tell whether strips are far less likely; only otherwise they go to their end.
         for rounds in (CHOICE_SETTINGS.strip_rounds, other.polish.rounds):
             again = _likeliest(other, noises, ended, min(rounds, other.polish.rounds), watch)
             if again.interrupted:
-                return joint, replace(polished, interrupted=True), kind, tuple(notes)
+                return joint, replace(polished, interrupted=True), tuple(notes)
             ended, noises = again.values, [other.noise_model]
             quadratic, strips = (
                 Innovations(model, held_out=held_out).likelihoods(end.values)
                 for model, end in ((joint, polished), (other, again))
             )
             better, chance = likelier_by(quadratic, strips)
-            if again.converged or better < -CHOICE_SETTINGS.far_times * max(CHOICE_SETTINGS.likelier, chance):
+            least = max(CHOICE_SETTINGS.likelier, chance)
+            if again.converged or better < -CHOICE_SETTINGS.far_times * least:
                 break
-        taken = better > max(CHOICE_SETTINGS.likelier, chance)
         values = {
             "strips": name,
             "replaced": replaced,
             "better": better,
             "sd": chance / CHOICE_SETTINGS.chance_sd,
-            "significant": abs(better) > max(CHOICE_SETTINGS.likelier, chance),
-            "taken": taken,
+            "significant": abs(better) > least,
+            "taken": better > least,
             "held_out": held_out,
         }
         notes.append(wording("estimates").damping(Finding("damping compared", Severity.NOTE, name, values)))
-        if taken:
-            joint, polished, kind = other, again, _after(kind, change)
-        elif abs(better) <= max(CHOICE_SETTINGS.likelier, chance):
+        if better > least:
+            joint, polished = other, again
+        elif abs(better) <= least:
             rival = other_damping(name, replaced, (joint, polished.values), (other, again.values))
             polished = replace(polished, others=(*polished.others, rival))
-    return joint, polished, kind, tuple(notes)
+    return joint, polished, tuple(notes)
 
 
 def slender(vehicle: Vehicle) -> bool:
@@ -489,9 +446,3 @@ def likelier_by(before: Array, after: Array) -> tuple[float, float]:
         return math.inf, 0.0
     gain = after - before
     return float(gain.sum()), CHOICE_SETTINGS.chance_sd * float(gain.std() * math.sqrt(len(gain)))
-
-
-def _after(
-    first: Callable[[Problem], Problem], second: Callable[[Problem], Problem]
-) -> Callable[[Problem], Problem]:
-    return lambda problem: second(first(problem))

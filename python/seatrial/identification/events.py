@@ -32,7 +32,8 @@ from seatrial.estimation.estimator import method_of
 from seatrial.estimation.event_fit import ANGLE_OF, SETTINGS, EventFit, EventWindows, estimate_on_events
 from seatrial.identification.choice import slender
 from seatrial.inspect.feedback import EVENT_LIMITS, Event, events
-from seatrial.problem.parameter import STRIPS, Parameter, coefficients
+from seatrial.problem.parameter import Parameter, coefficients
+from seatrial.problem.settings import STRIPS
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -189,18 +190,18 @@ def from_events(
     """
     if problem.joint is None or problem.joint.method == "output":
         return EventEstimates(problem)
-    estimates, judged = [], set[str]()
+    closed = {stage.name: _closed(problem, stage.trials) & set(stage.axes.free) for stage in problem.stages}
+    everywhere = _closed(problem, problem.fitted).difference(*closed.values())
+    estimates = []
     for stage in problem.stages:
-        closed = _closed(problem, stage.trials) & set(stage.axes.free)
-        if closed:
+        if closed[stage.name]:
             if watch is not None:
                 watch(stage.name)
-            estimates.append(on_events(problem, stage, _events(problem, stage.trials, closed), threads))
-            judged |= closed
-    trials = tuple(dict.fromkeys(name for stage in problem.stages for name in stage.trials))
-    for axis in AXES:
-        if axis in _closed(problem, trials) - judged:
-            estimates.append(EventEstimate(MOTIONS[axis], axis, _events(problem, trials, {axis})))
+            chosen = _events(problem, stage.trials, closed[stage.name])
+            estimates.append(on_events(problem, stage, chosen, threads))
+    # Motions that no stage frees: what there is to estimate them from.
+    for axis in (axis for axis in AXES if axis in everywhere):
+        estimates.append(EventEstimate(MOTIONS[axis], axis, _events(problem, problem.fitted, {axis})))
     return EventEstimates(problem, tuple(estimates))
 
 
@@ -236,18 +237,14 @@ def on_events(
     few = EventEstimate(stage.name, "".join(dict.fromkeys(event.axis for event in chosen)), chosen)
     if len(chosen) < SETTINGS.fewest:
         return few
-    fits = {"": _with_damping(problem, stage, chosen, "", threads)}
-    info = problem.vehicle.coefficient_info()
-    for name, made in STRIPS.items():
+    # Quadratic damping, and strips in place of it where a slender hull's is free.
+    forms, info = {"": (problem, stage)}, problem.vehicle.coefficient_info()
+    for name, made in STRIPS.items() if slender(problem.vehicle) else ():
         upper = info.get(name, {}).get("upper")
-        if (
-            {made[0], made[-1]} <= stage.coefficients.keys()
-            and slender(problem.vehicle)
-            and upper is not None
-        ):
+        if {made[0], made[-1]} <= stage.coefficients.keys() and upper is not None:
             change = problem.with_strips(name, (0.0, float(upper)), SETTINGS.drag[0])
-            other = next(s for s in change.stages if s.name == stage.name)
-            fits[name] = _with_damping(change, other, chosen, name, threads)
+            forms[name] = change, next(other for other in change.stages if other.name == stage.name)
+    fits = {name: _with_damping(*form, chosen, name, threads) for name, form in forms.items()}
     strips = min(fits, key=lambda name: float(fits[name].unseen.sum()))
     best, rivals = fits[strips], [fit for name, fit in fits.items() if name != strips]
     likelier = min((0.5 * float((fit.unseen - best.unseen).sum()) for fit in rivals), default=0.0)

@@ -1,18 +1,25 @@
-"""A vehicle with what is known of its coefficients, and vehicles drawn from it.
+"""A vehicle with what is known of its coefficients, vehicles drawn from it, and the random numbers of draws.
 
 Draws are multivariate normal, ``x = x_0 + D R z`` with D the standard deviations and R the symmetric root of
 the correlations. It exists for singular ones (tied coefficients), where a Cholesky factor does not, and does
 not depend on the signs that a library gives its eigenvectors. What no vehicle can have
 (`seatrial.vehicle.stability`) is thrown away and drawn again: the normal distribution cut at what is
-possible. Draw i depends on the seed and on i alone (`seatrial.statistics.draws`).
+possible.
 
-Tests: ``tests/identification/test_fitted.py``.
+The random numbers of draw i depend on seed, cause and i alone (`generator`). Philox is a counter-based
+generator: its output is a keyed bijection of a counter, so that streams whose counters differ never meet
+(Salmon, Moraes, Dror and Shaw 2011, *Parallel random numbers: as easy as 1, 2, 3*, SC'11). The key holds the
+seed and the cause, the counter the number of the draw and of the attempt; a stream may run for 2^64 blocks
+before it would meet the next attempt. A draw can be repeated alone, and a further cause changes no other.
+
+Tests: ``tests/identification/test_fitted.py``, ``tests/verification/test_draws.py``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,20 +28,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array
-from seatrial.base.errors import CampaignError, reason
+from seatrial.base.errors import CampaignError, SimulationError, nearest, reason
 from seatrial.base.finding import Finding, Severity
 from seatrial.base.report import sentence_of
 from seatrial.base.run import from_json
 from seatrial.base.toml_file import loaded
 from seatrial.diagnosis.roles import manoeuvre, role
-from seatrial.identification.covariance import CoefficientCovariance, widened
+from seatrial.identification.estimate import CoefficientCovariance
+from seatrial.identification.hold_out import FilterNoise, fitted_records, residual_noise
 from seatrial.identification.identification import Identification
-from seatrial.statistics.draws import checked_numbers, generator
-from seatrial.vehicle.actuators import pushed_axes
+from seatrial.vehicle.actuators import actuator_groups, pushed_axes
 from seatrial.vehicle.stability import PossibleCoefficients
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
+
 
 RESULT = "identification.json"
 
@@ -351,3 +359,137 @@ def _root(covariance: Array) -> Array:
     values = np.where(values > len(size) * np.finfo(float).eps * values.max(initial=0.0), values, 0.0)
     root = (vectors * np.sqrt(values)) @ vectors.T
     return np.asarray(root * own)  # what has no variance keeps its value to the last bit
+
+
+def filter_noise(fit: Identification) -> FilterNoise:
+    """Noise of a navigation filter on the identified vehicle, from the residuals of the fitted samples.
+
+    Parameters
+    ----------
+    fit : Identification
+        With its campaign: its trials are read again.
+
+    Returns
+    -------
+    FilterNoise
+        ``force`` (6,), deviations of the unmodelled force in N and N m, ``force_time_s``, its time constant,
+        and ``acceleration`` (6,), deviations of the velocities in m/s and rad/s after a second of white
+        acceleration: keywords of `seatrial.NavigationFilter`. The vehicle that `seatrial.identify` gives has
+        them in its file, so that a filter on it takes them by itself.
+
+    Raises
+    ------
+    TrialError
+        No trial has three seconds of fitted samples without a gap.
+    """
+    return residual_noise(fit.vehicle, fitted_records(fit.problem))
+
+
+_HALF_STEP = 2.0**-54  # NumPy's uniforms are multiples of 2^-53, 0 among them, whose quantile may be infinite
+
+
+def generator(seed: int, number: int, *, cause: int, attempt: int = 0) -> np.random.Generator:
+    """Generator of one draw of one cause.
+
+    `seed`, `number`: from 0 on. `cause`: different causes are independent. `attempt`: for draws that are
+    repeated until they are possible.
+
+    Examples
+    --------
+    >>> bool(generator(1, 7, cause=0).random() == generator(1, 7, cause=0).random())
+    True
+    """
+    return np.random.Generator(np.random.Philox(key=[seed, cause], counter=[0, attempt, number, 0]))
+
+
+def uniforms(seed: int, numbers: Sequence[int], *, cause: int, width: int) -> Array:
+    """Numbers (k, width) strictly between 0 and 1, a row per draw.
+
+    `numbers`: of the draws. `width`: the first columns do not depend on it.
+
+    Examples
+    --------
+    >>> many = uniforms(1, range(10), cause=3, width=4)
+    >>> bool((many[7] == uniforms(1, [7], cause=3, width=4)[0]).all())
+    True
+    """
+    rows = [generator(seed, number, cause=cause).random(width) for number in numbers]
+    return np.maximum(np.array(rows).reshape(len(rows), width), _HALF_STEP)
+
+
+def checked_numbers(numbers: int | ArrayLike) -> list[int]:
+    """Numbers of draws: 0 to k - 1 for k, or those given.
+
+    Raises SimulationError where they are not whole numbers from 0 on.
+
+    Examples
+    --------
+    >>> checked_numbers(3), checked_numbers([41])
+    ([0, 1, 2], [41])
+    """
+    if isinstance(numbers, int | np.integer) and not isinstance(numbers, bool) and numbers >= 0:
+        return list(range(int(numbers)))
+    try:
+        given = np.asarray(numbers)
+    except ValueError:
+        given = np.empty(())
+    if given.ndim != 1 or (given.size and (given.dtype.kind not in "iu" or given.min() < 0)):
+        raise SimulationError(
+            f"draws: expected how many, or their numbers, whole and from 0 on, found {numbers!r}"
+        )
+    return [int(number) for number in given]
+
+
+def widened(
+    vehicle: Vehicle, percent: Mapping[str, float], *, names: Sequence[str], covariance: Array
+) -> tuple[tuple[str, ...], Array]:
+    """Names (m,) and covariance (m, m), SI, with further relative standard deviations.
+
+    ``vehicle``: of whose values the percentages are. ``percent``: by name, by pattern (``"*_uu"``: each for
+    itself) or by group (``"stern.gain"``: all together). ``names``, ``covariance``: what they are added to.
+    Raises CampaignError: a name is unknown or its value zero, or a percentage is impossible.
+
+    Examples
+    --------
+    >>> import seatrial as st
+    >>> own = st.Vehicle.load("cwolf")
+    >>> names, matrix = widened(own, {"m": 2.0}, names=(), covariance=np.zeros((0, 0)))
+    >>> names, matrix.round(2).tolist()
+    (('m',), [[7.29]])
+    """
+    own = vehicle.coefficients()
+    known, matrix = list(names), covariance
+    for pattern, share in percent.items():
+        number = isinstance(share, int | float) and not isinstance(share, bool)
+        if not number or not 0.0 < share < 100.0:
+            raise CampaignError(
+                f"standard deviations: {pattern!r}: expected percent above 0 and below 100, found {share!r}"
+            )
+        for together in _meant(pattern, vehicle, own):
+            new = [name for name in together if name not in known]
+            known += new
+            matrix = np.pad(matrix, (0, len(new)))
+            along = np.zeros(len(known))
+            along[[known.index(name) for name in together]] = [0.01 * share * own[name] for name in together]
+            matrix = matrix + np.outer(along, along)
+    return tuple(known), matrix
+
+
+def _meant(pattern: str, vehicle: Vehicle, own: Mapping[str, float]) -> list[list[str]]:
+    """Coefficients behind a name, a pattern or a group, those that vary together in one list."""
+    group, _, suffix = pattern.partition(".")
+    groups = actuator_groups(vehicle)
+    if pattern not in own and group in groups:
+        together = [name for actuator in groups[group] if (name := f"{actuator}.{suffix}") in own]
+        if together:
+            return [together]
+    matches = [[name] for name in own if fnmatchcase(name, pattern) and own[name] != 0.0]
+    if not matches:
+        zero = [name for name in own if fnmatchcase(name, pattern)]
+        raise CampaignError(
+            f"standard deviations: {zero[0]} of {vehicle.name} is zero, and so is any percentage of it;"
+            " leave it out"
+            if zero
+            else f"standard deviations: {vehicle.name} has no coefficient {pattern!r}{nearest(pattern, own)}"
+        )
+    return matches

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -15,10 +15,16 @@ from seatrial.base.report import Report, report_of
 from seatrial.base.run import RunResult, part_file, to_json
 from seatrial.estimation.stage import StageResult
 from seatrial.identification.choice import Choice
-from seatrial.identification.covariance import CoefficientCovariance, coefficient_covariance
-from seatrial.identification.estimate import Estimate, Tally, derived, tally
-from seatrial.identification.held import Conditional, Held, comment
-from seatrial.identification.hold_out import POOLED, Restarts, likelihood_gain, replayed
+from seatrial.identification.estimate import (
+    CoefficientCovariance,
+    Estimate,
+    Tally,
+    coefficient_covariance,
+    derived,
+    tally,
+)
+from seatrial.identification.hold_out import POOLED, Restarts, likelihood_gain
+from seatrial.identification.preparation import Held
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
@@ -29,6 +35,20 @@ if TYPE_CHECKING:
     from seatrial.identification.rounds import Proposal
     from seatrial.problem.problem import Problem
     from seatrial.scoring.score import Score
+
+
+@dataclass(frozen=True)
+class Conditional:
+    """An estimate that rests on a held value: how it would change were that value a fifth larger."""
+
+    #: Of the estimated coefficient.
+    name: str
+    unit: str
+    #: The held one, by its name in the campaign.
+    on: str
+    #: In SI, and in standard deviations of the estimate.
+    change: float
+    deviations: float
 
 
 @dataclass(frozen=True, repr=False)
@@ -159,16 +179,9 @@ class Identification(RunResult):
     def tally(self) -> Tally:
         """How many of the coefficients that were asked for the trials determine.
 
-        Those that are known beforehand (``sd`` under [polish]) and that no stage frees are not asked for:
-        they stand for what is not known exactly, as a nuisance parameter does.
+        Those that are only presumed (`seatrial.Problem.presumed`) are not asked for.
         """
-        polish = self.problem.joint
-        known = (
-            set()
-            if polish is None
-            else {name for name, estimate in polish.coefficients.items() if estimate.sd is not None}
-        )
-        known -= {name for stage in self.problem.stages for name in stage.coefficients}
+        known = set(self.problem.presumed)
         sought = [row for row in self.coefficients if row.parameter not in known]
         return tally(sought, [row.parameter for row in self.held if row.parameter not in known])
 
@@ -234,7 +247,7 @@ class Identification(RunResult):
                 c: {"best_baseline": name, "nats_per_sample": nats}
                 for c, (name, nats) in self.likelihood.items()
             },
-            "replayed": list(replayed(self.problem)),
+            "replayed": list(self.problem.replayed),
             "choice": None if self.choice is None else self.choice.to_dict(),
             "events": [estimate.to_dict() for estimate in self.events],
             "proposals": [proposal.to_dict() for proposal in self.proposals],
@@ -258,8 +271,8 @@ class Identification(RunResult):
         scores = pl.DataFrame(list(self.score_rows()), infer_schema_length=None)
         files: dict[str, str | bytes] = {
             "campaign.toml": self.problem.text,
-            "vehicle.toml": comment(self.held) + self.vehicle.to_toml(),
-            "vehicle_stages.toml": comment(self.held) + self.stages_vehicle.to_toml(),
+            "vehicle.toml": _comment(self.held) + self.vehicle.to_toml(),
+            "vehicle_stages.toml": _comment(self.held) + self.stages_vehicle.to_toml(),
             "identification.json": to_json(self.to_dict()),
             **self.report().files(),
             "coefficients.parquet": parquet(coefficients),
@@ -282,3 +295,12 @@ def judged_score(fit: Identification) -> Score | None:
 def pooled_score(scores: Mapping[str, Score]) -> Score | None:
     """Score over all trials together, or the only one there is."""
     return scores.get(POOLED) or next(iter(scores.values()), None)
+
+
+def _comment(held: Sequence[Held]) -> str:
+    """Comment for the head of the vehicle file; empty where nothing was held."""
+    lines = [
+        f"# {row.name} = {row.value:.6g} {row.unit}: not identified, dominated by feedback ({row.axis})"
+        for row in held
+    ]
+    return "\n".join([*lines, f"# {held[0].trial}", "", ""]) if held else ""

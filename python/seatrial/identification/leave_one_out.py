@@ -21,7 +21,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,12 +34,10 @@ from seatrial.base.files import parquet
 from seatrial.base.plain import Plain
 from seatrial.base.report import Report, report_of
 from seatrial.base.run import RunDirectory, RunResult, run_facts, to_json, version
-from seatrial.base.work import Clock, Progress, Step, callers_errors_pass, part_of
-from seatrial.estimation.stage import plan
-from seatrial.identification.conclusion import Conclusion, jointly, staged
-from seatrial.identification.held import joint_estimate_of
+from seatrial.base.work import Clock, Progress, Work, callers_errors_pass, part_of
+from seatrial.estimation.stage import StageOrder, plan
 from seatrial.identification.hold_out import left_out_score
-from seatrial.identification.identify import StageOrder
+from seatrial.identification.identify import Conclusion, joint_estimate_of, jointly, staged
 from seatrial.identification.preparation import identifiable
 from seatrial.problem.problem import stated
 
@@ -219,7 +217,7 @@ def leave_one_out(
     """
     checked_threads(threads)
     problem = stated(asked)
-    names = list(dict.fromkeys(name for stage in problem.stages for name in stage.trials))
+    names = problem.fitted
     if len(names) < 2:
         raise CampaignError(
             f"{problem.source}: leave one out: expected two trials or more in the stages, found"
@@ -283,9 +281,8 @@ def _without(
     try:
         whole, lost = problem.without_trial(name)
         rest, held = identifiable(whole)
-        order = StageOrder(
-            rest, plan(rest), run, part=f"without {name}, ", progress=progress, threads=threads
-        )
+        work = Work(threads=threads, progress=progress)
+        order = StageOrder(rest, plan(rest), run, work, part=f"without {name}, ")
         stages = order.stages()
         if order.stop.is_set():
             raise KeyboardInterrupt
@@ -296,14 +293,19 @@ def _without(
         vehicle, freed = result.vehicle, {name for stage in stages for name in stage.coefficients}
         if rest.joint is not None and rest.joint.rounds:
             joint = joint_estimate_of(rest, whole, held, vehicle, threads=threads)
-            watch = None if progress is None else _polishing(progress, order)
+            # Of a trial that is left out the stages are nearly all that its progress counts.
+            watch = (
+                None
+                if progress is None
+                else lambda step: progress(replace(order.joint_state(step), fraction=1.0))
+            )
             result, joint, polished = jointly(result, joint, stages, fallbacks, watch=watch, threads=threads)
             if result.interrupted:
                 raise KeyboardInterrupt
             if polished is not None:
                 vehicle = joint.identified(polished.values)
                 freed |= {member for parameter in joint.estimated for member, _ in parameter.members}
-        score = left_out_score(problem, rest, vehicle, name, nuisances=result.nuisances)
+        score = left_out_score(problem, rest, vehicle, name, result.nuisances)
     except SeatrialError as error:
         return LeftOut(name, {}, {}, {}, "", lost, str(error))
     # What kept its start value, for want of a trial, is no estimate.
@@ -332,14 +334,3 @@ def _inputs(problem: Problem, name: str, hashes: Mapping[str, str]) -> str:
         for values in (trial.t, trial.observed, trial.valid, *trial.commands.values()):
             digest.update(np.ascontiguousarray(values).tobytes())
     return digest.hexdigest()
-
-
-def _polishing(progress: Callable[[Progress], None], order: StageOrder) -> Callable[[Step], None]:
-    """What the joint estimate reports."""
-
-    def show(step: Step) -> None:
-        stages = len(order.plans)
-        elapsed = order.clock.elapsed_s
-        progress(Progress("joint estimate", stages, stages + 1, 1.0, elapsed, step.left_s, step=step))
-
-    return show

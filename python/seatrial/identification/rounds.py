@@ -47,14 +47,12 @@ from seatrial.estimation.estimator import Polished
 from seatrial.estimation.gauss_newton import GaussNewton
 from seatrial.estimation.joint import Joint
 from seatrial.estimation.joint_estimate import polish
-from seatrial.problem.parameter import STRIPS
-from seatrial.problem.settings import JointSettings
+from seatrial.problem.settings import STRIPS, JointSettings
 from seatrial.statistics.blocks import block_length
 from seatrial.statistics.uncertainty import covariance
 
 if TYPE_CHECKING:
     from seatrial.base.work import Step
-    from seatrial.problem.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -147,17 +145,14 @@ def _fall(before: Array, after: Array) -> Array:
 
 def in_rounds(
     joint: Joint, polished: Polished, *, rounds: int, watch: Callable[[Step], None] | None = None
-) -> tuple[Joint, Polished, Callable[[Problem], Problem], tuple[Proposal, ...]]:
-    """The joint estimate with the proposals that predict better.
+) -> tuple[Joint, Polished, tuple[Proposal, ...]]:
+    """The joint estimate on all segments with the proposals that predict better, and all in their order.
 
-    ``joint``, ``polished``: the estimate to begin with, by output error: predictions of a filter are left as
-    they are. ``rounds``: most rounds; a round that keeps nothing is the last. ``watch``: as of
-    `seatrial.estimation.joint_estimate.polish`. Returns the estimate on all segments, how it went, what makes
-    a problem one of its kind, and all proposals in the order of their trial.
+    Predictions of a filter are left as they are. ``rounds``: most rounds; a round that keeps nothing is the
+    last.
     """
-    same: Callable[[Problem], Problem] = lambda problem: problem  # noqa: E731
     if not joint.comparison.simulates or polished.interrupted or not rounds:
-        return joint, polished, same, ()
+        return joint, polished, ()
     sparse, places = _sparse(joint)
     here = replace(polished, initial=polished.initial[places])
     proposals: list[Proposal] = []
@@ -170,19 +165,16 @@ def in_rounds(
                 break
             sparse, here, kept = winner.joint, winner.polished, True
     except KeyboardInterrupt:
-        return joint, replace(polished, interrupted=True), same, tuple(proposals)
+        return joint, replace(polished, interrupted=True), tuple(proposals)
     if not kept:
-        return joint, polished, same, tuple(proposals)
+        return joint, polished, tuple(proposals)
     # The estimate with all that was kept, on all segments, from where the trials ended.
-    section = sparse.problem.joint
-    change: Callable[[Problem], Problem] = lambda problem: problem.with_joint(section)  # noqa: E731
-    whole = Joint(change(joint.problem), joint.vehicle, threads=joint.threads, hidden=joint.hidden)
-    known = dict(zip([u.name for u in sparse.unknowns], here.values.tolist(), strict=True))
-    values = np.array([known[unknown.name] for unknown in whole.unknowns])
-    again = polish(whole, start=values, watch=watch)
+    problem = joint.problem.with_joint(sparse.problem.joint)
+    whole = Joint(problem, joint.vehicle, threads=joint.threads, hidden=joint.hidden)
+    again = polish(whole, start=whole.started(sparse.named(here.values)), watch=watch)
     if again.interrupted:
-        return joint, replace(polished, interrupted=True), same, tuple(proposals)
-    return whole, again, change, tuple(proposals)
+        return joint, replace(polished, interrupted=True), tuple(proposals)
+    return whole, again, tuple(proposals)
 
 
 def _round(
@@ -233,7 +225,7 @@ def _changes(joint: Joint, polished: Polished, tried: Tried) -> list[_Change]:
     """Proposals of a round, the strongest first: bounds that the data contradict, then missing terms."""
     section = joint.problem.joint or JointSettings()
     known = tried.lin.of_first(len(joint.unknowns))
-    start = dict(zip([u.name for u in joint.unknowns], polished.values.tolist(), strict=True))
+    start = joint.named(polished.values)
     changes = []
     contradicted = contradicted_bounds(known, covariance(known))
     pulls = {} if contradicted is None else contradicted.pulls
@@ -325,13 +317,11 @@ def _tried(
         )
         sparse, _ = _sparse(grown)
         # Priors weigh as they did before the change, or the two estimates would differ by more than it.
-        weights = dict(zip([u.name for u in joint.unknowns], joint.tempering.tolist(), strict=True))
+        weights = joint.named(joint.tempering)
         sparse.tempering = np.array([weights.get(unknown.name, 1.0) for unknown in sparse.unknowns])
-        values = np.array([
-            change.start.get(unknown.name, own)
-            for unknown, own in zip(sparse.unknowns, sparse.start.tolist(), strict=True)
-        ])
-        polished = polish(sparse, start=values, rounds=SETTINGS.refit_rounds, near=True, watch=watch)
+        polished = polish(
+            sparse, start=sparse.started(change.start), rounds=SETTINGS.refit_rounds, near=True, watch=watch
+        )
         if polished.interrupted:
             raise KeyboardInterrupt
         # Errors are counted in the noise of the estimate before, or a worse fit would weigh less.

@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Required, TypedDict
 
 from pydantic import ValidationError
 
@@ -30,7 +30,8 @@ from seatrial.vehicle.actuators import actuator_groups
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
     from seatrial.base.toml_file import Section
-    from seatrial.problem.settings import TrialUse
+    from seatrial.bench_test.evaluate import BenchTest
+    from seatrial.problem.settings import Anchor, JointSettings, TrialUse
 
 
 Recorded = Any
@@ -42,6 +43,24 @@ Trials = Recorded | Sequence[Recorded] | Mapping[str, Recorded]
 Bounds = tuple[float, float]
 """Lower and upper bound, SI."""
 
+
+class Asked(TypedDict, total=False):
+    """What a problem by hand takes beside vehicle and trials, as of `seatrial.Problem`."""
+
+    free: Required[str | Sequence[str] | Mapping[str, Bounds | None]]
+    start: Mapping[str, float] | None
+    hold_out: float | Trials
+    axes: str | None
+    channels: Sequence[str] | Mapping[str, float] | None
+    input: Input | None
+    segment_s: float
+    joint: bool | JointSettings
+    anchor: Anchor | None
+    bench: BenchTest | None
+    name: str | None
+    seed: int
+
+
 SOURCE = "identify"
 """What messages call a problem without a file."""
 
@@ -49,10 +68,7 @@ SOURCE = "identify"
 def fitted_and_judging(trials: Trials, hold_out: float | Trials) -> tuple[dict[str, Trial], dict[str, Trial]]:
     """Trials by name that are fitted, and those that only judge.
 
-    Raises
-    ------
-    CampaignError
-        There is none, two share a name, or one is in both.
+    Raises CampaignError: there is none, two share a name, or a trial is in both.
     """
     fitted = _named(trials, "trial")
     judging = {} if isinstance(hold_out, float | int) else _named(hold_out, "judging")
@@ -71,10 +87,7 @@ def stage_of(
 ) -> Stage:
     """The one stage of a problem by hand, which frees these coefficients on all fitted trials.
 
-    Raises
-    ------
-    CampaignError
-        A key holds what it may not.
+    Raises CampaignError: a key holds what it may not.
     """
     simulated = axes or _axes(list(freed))
     recorded = set(CHANNELS[:6]).intersection(*(trial.channels for trial in fitted.values()))
@@ -151,10 +164,7 @@ def entries(
 ) -> dict[str, Coefficient]:
     """Entries of the freed coefficients by name, groups and patterns resolved.
 
-    Raises
-    ------
-    CampaignError
-        The vehicle has no such coefficient, or a start value is of one that is not free.
+    Raises CampaignError: the vehicle has no such coefficient, or a start value is of one that is not free.
     """
     present, info = vehicle.coefficients(), vehicle.coefficient_info()
     groups = actuator_groups(vehicle)
@@ -193,13 +203,6 @@ def _axes(names: Sequence[str]) -> str:
     return "".join(letter for letter in AXES if letter in acted) or AXES
 
 
-def own_input(vehicle: Vehicle, trial: Trial) -> Input:
-    """What drives the model where nobody says it: the first of commands, revolutions and forces recorded."""
-    from seatrial.scoring.windows import default_input
-
-    return default_input(vehicle, trial)
-
-
 def share(hold_out: Any, trial: Trial) -> tuple[Bounds, ...]:
     """The last part of a trial as held out, where a share is asked for."""
     if not isinstance(hold_out, float | int) or hold_out == 0:
@@ -220,16 +223,9 @@ def as_campaign_file(
     joint: Section | None,
     anchor: Section,
 ) -> str:
-    """Text (TOML) of a campaign file.
+    """Text (TOML) of a campaign file that begins with the keys of a head: format, name, vehicle, seed.
 
-    Parameters
-    ----------
-    head : mapping
-        Keys at its beginning: format, name, vehicle, seed.
-    trials : mapping
-        By name the file of a trial, or what it was read from, and how it is used.
-    stages, joint, anchor
-        Sections; None for no joint estimate.
+    ``trials``: by name the file of a trial, or what it was read from, and how it is used.
     """
     import tomlkit
 

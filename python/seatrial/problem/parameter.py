@@ -1,7 +1,12 @@
-"""Free parameters of a stage: coefficients, bounds, start values, and what is tied to them.
+"""Free parameters: coefficients with bounds, start values and what is tied to them, and nuisance parameters.
 
 A parameter is one number of the search. It sets one coefficient or several: those of an actuator group
 (``stern.gain``: every actuator of the group) and those tied by symmetry (``Z_ww`` follows ``Y_vv``).
+
+Nuisance parameters are what a trial adds to its record, estimated lest the coefficients absorb it: a current,
+a motion-capture frame that was not levelled, the position of the velocity sensor, a late channel, a biased
+one, a constant force. The core applies them (``observation.rs``); here stands how far each may plausibly lie
+from zero, which trials it belongs to and whether they share it.
 """
 
 from __future__ import annotations
@@ -14,20 +19,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from seatrial._core import nuisance_names
 from seatrial.base.arrays import Array
 from seatrial.base.channels import AXES, VELOCITIES
 from seatrial.base.errors import CampaignError, nearest
-from seatrial.problem.settings import Coefficient, Stage
+from seatrial.problem.settings import Coefficient, JointSettings, Stage
 from seatrial.vehicle.actuators import actuator_groups
 
 if TYPE_CHECKING:
     from seatrial._core import Vehicle
 
+
+NUISANCES: tuple[str, ...] = tuple(nuisance_names())
+"""Names of nuisance parameters in the core's order."""
+
 OF_AN_AXIS = re.compile(rf"([{AXES}])_(0|[{VELOCITIES}]dot|[{VELOCITIES}]{{1,2}})")
 """A coefficient of a force: the force's letter, and what it is proportional to."""
-
-STRIPS = {"C_Dy": ("Y_vv", "Y_rr", "N_vv", "N_rr"), "C_Dz": ("Z_ww", "Z_qq", "M_ww", "M_qq")}
-"""Drag coefficients of the strips of the hull, and the quadratic damping that they stand for."""
 
 
 def axes_of(name: str) -> str:
@@ -69,20 +76,10 @@ class Parameter:
 
 
 def parameters(stage: Stage, vehicle: Vehicle, where: str) -> tuple[Parameter, ...]:
-    """Parameters that a stage frees on a vehicle.
+    """Parameters that a stage frees on a vehicle, which gives start values, default and relative bounds.
 
-    Parameters
-    ----------
-    stage : Stage
-    vehicle : Vehicle
-        The campaign's vehicle: it gives start values, default bounds and the reference of relative bounds.
-    where : str
-        Words for messages: file and stage.
-
-    Raises
-    ------
-    CampaignError
-        An unknown coefficient, a coefficient freed twice, no default bounds, bounds that exclude the start.
+    ``where``: file and stage, for messages. Raises CampaignError: an unknown coefficient, a coefficient freed
+    twice, no default bounds, bounds that exclude the start.
     """
     known = vehicle.coefficient_info()
     freed = tuple(
@@ -186,3 +183,77 @@ def _parameter(name: str, entry: Coefficient, vehicle: Vehicle, known: _Facts, w
         )
     sd = math.inf if entry.sd is None else abs(scale) * entry.sd
     return Parameter(name, tuple(members), unit, start, lower, upper, entry.start is not None, sd)
+
+
+_SPREAD = {  # plausible distance from zero, its unit, whether all trials share it
+    "current": (0.3, "m/s", False),
+    "tilt": (0.05, "rad", False),
+    "lever": (0.3, "m", True),
+    "latency": (0.1, "s", True),
+}
+
+_FORCE = {"XYZ": (5.0, "N"), "KMN": (2.0, "N m")}
+
+_BIAS = {"uvw": (0.02, "m/s"), "pqr": (0.01, "rad/s"), "xyz": (0.2, "m"), "angles": (0.05, "rad")}
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """One nuisance parameter: its column in the core's row, the trials that it belongs to, its prior.
+
+    The prior is centred at zero; ``sd`` is in ``unit``.
+    """
+
+    name: str
+    key: str
+    column: int
+    trials: tuple[int, ...]
+    unit: str
+    sd: float
+
+
+def nuisances(polish: JointSettings, trials: Sequence[str], where: str) -> tuple[Nuisance, ...]:
+    """Nuisance parameters that a campaign asks for on its trials.
+
+    ``trials``: the trials of the joint estimate, in its order. ``where``: words for messages. Raises
+    CampaignError: an unknown nuisance parameter or trial.
+    """
+    parameters = []
+    for key, entry in polish.nuisances.items():
+        if key not in NUISANCES:
+            raise CampaignError(
+                f"{where}, key nuisances: unknown nuisance parameter {key!r}{nearest(key, NUISANCES)};"
+                f" there are {', '.join(NUISANCES)}"
+            )
+        for name in entry.trials:
+            if name not in trials:
+                raise CampaignError(
+                    f"{where}, key nuisances, {key}: trial {name!r} is not in the joint estimate"
+                    + nearest(name, trials)
+                )
+        sd, unit, shared = nuisance_prior(key)
+        chosen = [index for index, name in enumerate(trials) if not entry.trials or name in entry.trials]
+        together = shared if entry.shared is None else entry.shared
+        for group in [tuple(chosen)] if together else [(index,) for index in chosen]:
+            label = key if len(group) == len(trials) else f"{', '.join(trials[i] for i in group)}: {key}"
+            parameters.append(Nuisance(label, key, NUISANCES.index(key), group, unit, entry.sd or sd))
+    return tuple(parameters)
+
+
+def nuisance_rows(parameters: Sequence[Nuisance], values: Array, trials: int) -> Array:
+    """Core's rows (trials, 38) of the values of nuisance parameters."""
+    table = np.zeros((trials, len(NUISANCES)))
+    for nuisance, value in zip(parameters, values, strict=True):
+        table[list(nuisance.trials), nuisance.column] = value
+    return table
+
+
+def nuisance_prior(key: str) -> tuple[float, str, bool]:
+    """Standard deviation, unit, and whether all trials share it, unless the campaign says otherwise."""
+    kind, _, channel = key.partition("_")
+    if kind in _SPREAD:
+        return _SPREAD[kind]
+    if kind == "force":
+        return *next(entry for axes, entry in _FORCE.items() if channel in axes), False
+    sd, unit = next((entry for channels, entry in _BIAS.items() if channel in channels), _BIAS["angles"])
+    return sd, unit, False

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, Self
@@ -18,16 +18,28 @@ from typing import TYPE_CHECKING, Any, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from seatrial.base.channels import AXES, CHANNELS
 from seatrial.base.errors import CampaignError, nearest
 from seatrial.base.front import ByName
 from seatrial.base.run import sha256
 from seatrial.base.toml_file import loaded
 from seatrial.base.work import HERE, Work, takes
 from seatrial.inspect.verdict import Verdict, judge_trial
-from seatrial.problem.by_hand import SOURCE, entries, fitted_and_judging, own_input, share, stage_of
+from seatrial.problem.by_hand import SOURCE, as_campaign_file, entries, fitted_and_judging, share, stage_of
 from seatrial.problem.parameter import Parameter, coefficient_names, parameters
-from seatrial.problem.settings import Anchor, Budget, JointSettings, Stage, TrialUse, in_order
-from seatrial.problem.variants import strips_freed, without_free, without_trial
+from seatrial.problem.settings import (
+    Anchor,
+    Budget,
+    Coefficient,
+    JointSettings,
+    Stage,
+    TrialUse,
+    axes_of_stages,
+    in_order,
+    strips_freed,
+    without_free,
+    without_trial,
+)
 from seatrial.scoring.windows import Unpredictable, unpredictable
 
 if TYPE_CHECKING:
@@ -135,11 +147,12 @@ class Problem:
         seed: int = 0,
     ) -> None:
         from seatrial._core import Vehicle
+        from seatrial.scoring.windows import default_input
 
         fitted, judging = fitted_and_judging(trials, hold_out)
         known = loaded(Vehicle, vehicle) if bench is None else bench.vehicle
         stage = stage_of(known, fitted, entries(known, free, start or {}), axes, channels, segment_s)
-        own = {label: own_input(known, trial) for label, trial in (fitted | judging).items()}
+        own = {label: default_input(known, trial) for label, trial in (fitted | judging).items()}
         self._fill(
             stages=(stage,),
             vehicle=known,
@@ -249,13 +262,9 @@ class Problem:
         return identify(self, work=work)
 
     def with_start_values(self, starts: Mapping[str, Mapping[str, float]], *, seed: int) -> Self:
-        """Problem with other start values, by stage and parameter, and another seed.
+        """Problem with other start values, SI, by stage and parameter, and another seed.
 
-        Parameters
-        ----------
-        starts : mapping
-            Stage to parameter to value, SI; what it leaves out starts where it did.
-        seed : int
+        What ``starts`` leaves out starts where it did.
         """
         stages = []
         for stage in self._listed:
@@ -272,15 +281,7 @@ class Problem:
     def without_trial(self, name: str) -> tuple[Self, tuple[str, ...]]:
         """Problem that does not know a trial, and the stages that no other trial is left for.
 
-        Parameters
-        ----------
-        name
-            Of the trial.
-
-        Raises
-        ------
-        CampaignError
-            There is no such trial, or the rest is no problem.
+        Raises CampaignError: there is no such trial, or the rest is no problem.
         """
         if name not in self.trials:
             raise CampaignError(f"{self.source}: there is no trial {name!r}{nearest(name, self.trials)}")
@@ -307,12 +308,7 @@ class Problem:
     def with_strips(self, name: str, bounds: tuple[float, float], start: float) -> Self:
         """Problem that frees ``C_Dy`` or ``C_Dz`` in place of the quadratic damping that its strips make.
 
-        Parameters
-        ----------
-        name
-            ``C_Dy`` or ``C_Dz``.
-        bounds, start
-            Of the drag coefficient.
+        ``bounds`` and ``start`` are those of the drag coefficient.
         """
         stages, joint = strips_freed(self._listed, self.joint, name, (bounds, start))
         return self._variant(stages=stages, joint=joint)
@@ -343,8 +339,6 @@ class Problem:
         """The campaign file that states this problem: the one it came from, or one written of it."""
         if self.given_text is not None:
             return self.given_text
-        from seatrial.problem.by_hand import as_campaign_file
-
         return as_campaign_file(
             {"format": 1, "name": self.name, "vehicle": self.vehicle.name, "seed": self.seed},
             trials={name: (self.trials[name].source, use) for name, use in self.uses.items()},
@@ -352,6 +346,85 @@ class Problem:
             joint=self.joint,
             anchor=self.anchor,
         )
+
+    @property
+    def fitted(self) -> tuple[str, ...]:
+        """Names of the trials that stages fit, each once."""
+        return tuple(dict.fromkeys(name for stage in self.stages for name in stage.trials))
+
+    @property
+    def trained(self) -> tuple[str, ...]:
+        """Names of the trials that stages or the joint estimate fit, in the order of the problem."""
+        jointly = () if self.joint is None else self.joint.trials
+        return tuple(name for name in self.trials if name in {*self.fitted, *jointly})
+
+    @property
+    def freed(self) -> str:
+        """Letters of the axes that some stage frees."""
+        return "".join(axis for axis in AXES if any(axis in stage.axes.free for stage in self.stages))
+
+    @property
+    def replayed(self) -> str:
+        """Letters of the axes that no stage frees: every score replays them from the recording."""
+        return "".join(axis for axis in AXES if axis not in self.freed)
+
+    @property
+    def judged(self) -> dict[str, str]:
+        """By trial the letters of the axes on which it is judged: those freed on it, else all of `freed`."""
+        own = {
+            name: "".join(
+                axis
+                for axis in self.freed
+                if any(axis in stage.axes.free and name in stage.trials for stage in self.stages)
+            )
+            for name in self.uses
+        }
+        return {name: axes or self.freed for name, axes in own.items()}
+
+    def joint_stage(self, stages: Sequence[Stage] | None = None) -> Stage:
+        """The joint estimate as one stage: by default all that the stages free, on all of their trials.
+
+        ``stages``: those that it follows; by default all. Raises CampaignError: it names an unknown
+        coefficient or trial.
+        """
+        stages = self.stages if stages is None else stages
+        asked, where = self.joint or JointSettings(), f"{self.source}: polish"
+        freed: dict[str, Coefficient] = {}
+        for stage in stages:
+            freed |= stage.coefficients
+        for name in asked.fixed:
+            if freed.pop(name, None) is None:
+                raise CampaignError(f"{where}, key fixed: no stage frees {name!r}{nearest(name, freed)}")
+        trials = asked.trials or tuple(dict.fromkeys(name for stage in stages for name in stage.trials))
+        for name in trials:
+            if name not in self.trials:
+                raise CampaignError(
+                    f"{where}, key trials: unknown trial {name!r}{nearest(name, self.trials)}"
+                )
+        axes, channels = asked.axes or axes_of_stages(stages), dict(asked.channels)
+        if not channels:
+            wanted = [CHANNELS[AXES.index(letter)] for letter in axes.free]
+            wanted += [c for stage in stages for c in stage.channels if c not in wanted]
+            known = [c for c in wanted if all(c in self.trials[name].channels for name in trials)]
+            channels = dict.fromkeys(known, 1.0)
+        return Stage(
+            name="polish",
+            trials=trials,
+            axes=axes,
+            coefficients=freed | asked.coefficients,
+            segment_s=asked.segment_s,
+            channels=channels,
+        )
+
+    @property
+    def presumed(self) -> tuple[str, ...]:
+        """Coefficients that are known beforehand (``sd`` of the joint estimate) and that no stage frees.
+
+        They stand for what is not known exactly, as a nuisance parameter does.
+        """
+        staged = {name for stage in self.stages for name in stage.coefficients}
+        own = {} if self.joint is None else self.joint.coefficients
+        return tuple(name for name, entry in own.items() if entry.sd is not None and name not in staged)
 
     def where(self, stage: Stage) -> str:
         """File and stage, as messages begin."""
@@ -388,16 +461,9 @@ class Problem:
         return mask
 
     def part(self, trial: str, *, held_out: bool) -> Trial | None:
-        """The trial with only what is fitted, or what is held out, valid; None where nothing is.
+        """The trial with only what is fitted, or what is `held_out`, valid; None where nothing is.
 
         The same object at every call, so that its splines are made once.
-
-        Parameters
-        ----------
-        trial
-            Its name.
-        held_out
-            Whether what is held out is wanted, rather than what is fitted.
         """
         key = trial, held_out
         if key not in self._parts:
@@ -405,6 +471,11 @@ class Problem:
             part = dataclasses.replace(whole, valid=whole.valid & mask[:, None]) if mask.any() else None
             self._parts[key] = whole if mask.all() else part
         return self._parts[key]
+
+    def parts(self, names: Iterable[str], *, held_out: bool) -> dict[str, Trial]:
+        """By name those of some trials of which any sample is fitted, or is `held_out`, as of `part`."""
+        parts = {name: self.part(name, held_out=held_out) for name in names}
+        return {name: trial for name, trial in parts.items() if trial is not None}
 
     def verdicts(self, trial: str) -> dict[str, Verdict]:
         """By axis whether a trial tells how it answers its commands, judged once."""
@@ -425,13 +496,7 @@ class Problem:
         return None if file is None else sha256(file.read_bytes())
 
     def input_hashes(self, *, trials: bool = True) -> dict[str, Any]:
-        """SHA-256 of what a run over the problem reads, by name.
-
-        Parameters
-        ----------
-        trials
-            Whether the recordings are among the inputs.
-        """
+        """SHA-256 of what a run over the problem reads, by name; of the recordings only with ``trials``."""
         return {
             "campaign": sha256(self.text),
             "vehicle": sha256(self.vehicle.to_toml()),

@@ -1,8 +1,17 @@
 """Dependent residuals: how long errors stay correlated, what they inflate, and the score of each block.
 
 Sums over blocks that are long against that memory are nearly independent. `whitened` gives them in
-coordinates in which the information of the whole estimate is the identity. Held by
-``tests/statistics/test_uncertainty.py``, ``test_neighbours_that_resemble_widen_the_interval`` and
+coordinates in which the information of the whole estimate is the identity.
+
+`information_criteria` compares models of the same data: ``-2 ln L = sum n_c ln s_c^2`` for Gaussian errors,
+with the mean square s_c^2 of each channel's residual. Correlated samples must not count in full, or every
+term that is freed looks significant: n_c is the number of independent samples, those that count over the
+integrated autocorrelation time. AIC adds 2 k (Akaike 1974), BIC ``k ln sum n_c`` (Schwarz 1978); k is the
+number of determined combinations less the part that priors hold, ``tr H^-1 sum H_b`` (Moody 1992).
+Correlation between channels is not counted. Initial conditions of segments are left out of k: models of the
+same segments have the same number of them.
+
+Held by ``tests/statistics/test_uncertainty.py``, ``test_neighbours_that_resemble_widen_the_interval`` and
 ``test_the_standard_error_allows_for_samples_that_remember``.
 """
 
@@ -13,10 +22,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
+from seatrial.base.plain import Plain
 from seatrial.statistics.linearisation import Linearisation, Piece
 
 
@@ -171,21 +181,15 @@ def _autocorrelation(lin: Linearisation, lags: int) -> tuple[Array, Array]:
     return rho.T, pairs.T
 
 
-def blocks(lin: Linearisation, length: BlockLength) -> Blocks:
-    """Data in blocks of about ``length``; each trial is divided evenly, at least one block per trial.
-
-    A block may span segments that follow each other, never two trials. A segment is divided only where it
-    holds two blocks or more: its initial conditions were fitted to all of it, so that its parts are not
-    independent. A block's information is ``sum J' psi' J`` with the mean slope ``psi'`` of the robust score,
-    not its weight: they differ for all but squared errors.
-    """
-    return divided(lin, length)[0]
-
-
 def divided(lin: Linearisation, length: BlockLength) -> tuple[Blocks, ...]:
-    """Divisions of the data into `blocks`, each a quarter of a block further than the one before.
+    """Divisions of the data into blocks of about a length, each a quarter of a block further than the last.
 
-    What a trial has left before its first block and after its last one is one block (Politis & Romano 1992).
+    Each trial is divided evenly, at least one block per trial. A block may span segments that follow each
+    other, never two trials. A segment is divided only where it holds two blocks or more: its initial
+    conditions were fitted to all of it, so that its parts are not independent. A block's information is ``sum
+    J' psi' J`` with the mean slope ``psi'`` of the robust score, not its weight: they differ for all but
+    squared errors. What a trial has left before its first block and after its last one is one block (Politis
+    & Romano 1992).
     """
     slope_ratio, unknowns = _score_slope(lin), len(lin.unknowns)
     colour = length.memory * _mean_square(lin.pieces)
@@ -222,7 +226,7 @@ def divided(lin: Linearisation, length: BlockLength) -> tuple[Blocks, ...]:
 
 
 def information_of(lin: Linearisation) -> Array:
-    """Information (m, m) of all `blocks` together, whatever their length."""
+    """Information (m, m) of all blocks together, whatever their length."""
     slope_ratio, unknowns = _score_slope(lin), len(lin.unknowns)
     total = np.zeros((unknowns, unknowns))
     for piece in lin.pieces:
@@ -391,13 +395,8 @@ def whitened(lin: Linearisation, length: BlockLength | None = None) -> Whitened:
 
     Raises CampaignError where no sample counts.
     """
-    return views(lin, length)[0]
-
-
-def views(lin: Linearisation, length: BlockLength | None = None) -> tuple[Whitened, ...]:
-    """The divisions of `divided` in the coordinates of `whitened`, which they share."""
     length = block_length(lin) if length is None else length
-    return viewed(lin, length, divided(lin, length))
+    return viewed(lin, length, divided(lin, length))[0]
 
 
 def viewed(lin: Linearisation, length: BlockLength, divisions: Sequence[Blocks]) -> tuple[Whitened, ...]:
@@ -448,3 +447,52 @@ def determined(information: Array) -> tuple[Array, NDArray[np.bool_]]:
     kept = value > SETTINGS.rounding * max(float(value[-1]), 1.0)
     transform = vectors[:, kept] / np.sqrt(value[kept]) / scale[:, None]
     return transform, ~known | ((vectors[:, ~kept] ** 2).sum(axis=1) > SETTINGS.undetermined_part)
+
+
+@dataclass(frozen=True)
+class InformationCriteria(Plain):
+    """Smaller is better; only differences between models of the same data mean something.
+
+    ``parameters`` is the effective number of parameters, ``effective`` (C,) that of independent samples.
+    """
+
+    aic: float
+    bic: float
+    parameters: float
+    effective: tuple[float, ...]
+
+
+def information_criteria(lin: Linearisation, *, effective: ArrayLike | None = None) -> InformationCriteria:
+    """AIC and BIC of the model that was linearised at its estimate.
+
+    Parameters
+    ----------
+    lin : Linearisation
+    effective : array_like, shape (C,), optional
+        Independent samples per channel. Models are compared with the same numbers: those of the largest one.
+        By default this model's own.
+
+    Raises
+    ------
+    CampaignError
+        No sample counts.
+    """
+    # Correlated samples count by their effective number.
+    length = block_length(lin)
+    samples = length.effective if effective is None else np.asarray(effective, dtype=float)
+    counts = np.maximum(np.sum([piece.counted.sum(axis=0) for piece in lin.pieces], axis=0), 1)
+    squares = np.sum(
+        [(piece.counted * piece.weight * piece.residual**2).sum(axis=0) for piece in lin.pieces], axis=0
+    )
+    size = np.where(samples > 0, squares / counts, 1.0) * lin.noise**2
+    twice = float(samples @ np.log(np.where(samples > 0, np.maximum(size, 1e-300), 1.0)))
+    information = information_of(lin)
+    transform, _ = determined(information + np.diag(lin.precision))
+    # A parameter that its prior determines counts in part, as the share of its information from data.
+    parameters = float(np.trace(transform.T @ information @ transform))
+    return InformationCriteria(
+        aic=twice + 2.0 * parameters,
+        bic=twice + float(np.log(samples.sum())) * parameters,
+        parameters=parameters,
+        effective=tuple(samples.tolist()),
+    )

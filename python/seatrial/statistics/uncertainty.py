@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seatrial.base.arrays import Array
-from seatrial.statistics.blocks import BlockLength, Whitened, block_length, divided, parts, viewed, views
+from seatrial.statistics.blocks import BlockLength, Whitened, block_length, divided, parts, viewed
 from seatrial.statistics.linearisation import Linearisation
 
 
@@ -316,7 +316,8 @@ def covariance(lin: Linearisation, *, length: BlockLength | None = None) -> Unce
     from scipy.special import stdtrit
 
     # A variance from few blocks depends on where they end: the mean over several divisions does less.
-    divisions = views(lin, length)
+    length = block_length(lin) if length is None else length
+    divisions = viewed(lin, length, divided(lin, length))
     view = divisions[0]
     scatters, alone, dofs = zip(*(_scatter(division) for division in divisions), strict=True)
     matrix = view.transform @ (np.mean(scatters, axis=0) + view.pull) @ view.transform.T

@@ -2,8 +2,9 @@
 
 One or two variables get values from given ranges, everything else is drawn as ``[verification]`` says. Few
 missions are flown at a place, more where the failure probability crosses what the requirement allows
-(`seatrial.statistics.failure_boundary`). All requirements are judged on all missions; each chooses places in
-its turn. The autopilot believes in the identified vehicle. Held by ``tests/verification/test_boundary.py``.
+(`seatrial.statistics.failure_probability`). All requirements are judged on all missions; each chooses places
+in its turn. The autopilot believes in the identified vehicle. Held by
+``tests/verification/test_boundary.py``.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from seatrial.base.fleet import fleet_of, threads_of
 from seatrial.base.run import RunDirectory, RunResult, sha256, to_json
 from seatrial.base.work import HERE, Clock, Progress, Work
 from seatrial.flight.sensor_channels import sensors_of
-from seatrial.statistics.failure_boundary import (
+from seatrial.statistics.failure_probability import (
     BoundarySurface,
     Place,
     places_to_fly,

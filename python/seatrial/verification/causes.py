@@ -20,7 +20,7 @@ The p-values of all causes for all requirements of a verification are one family
 Scand. J. Stat. 6:65): noise alone is named, anywhere in it, in at most ``level`` of the campaigns. The inputs
 are drawn independently: what goes with failures also drives them, but two causes that harm only together are
 each shown weaker than they are. The tests themselves, exact where most missions share a value, are in
-`seatrial.statistics.multiple_testing`. Held by ``tests/verification/test_causes.py``.
+`seatrial.statistics.significance`. Held by ``tests/verification/test_causes.py``.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from numpy.typing import ArrayLike, NDArray
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.plain import Plain
 from seatrial.base.report import clause_of
-from seatrial.statistics.multiple_testing import (
+from seatrial.statistics.significance import (
     circular_correlation,
     holm,
     mann_whitney,

@@ -1,7 +1,7 @@
 """Draws of a verification: vehicle, water, start, failures and seeds of every mission, and their causes.
 
-Mission i is a function of the campaign's seed and of i alone (`seatrial.statistics.draws`): any one can be
-flown again by its number, and a longer campaign begins with the shorter one. The inputs are independent of
+Mission i is a function of the campaign's seed and of i alone (`seatrial.identification.fitted`): any one can
+be flown again by its number, and a longer campaign begins with the shorter one. The inputs are independent of
 each other; a further entry of faults or outages changes none of the rest.
 
 What the table leaves open: the current's speed is uniform from zero to a quarter of the slowest speed of the
@@ -33,8 +33,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 from seatrial.flight.checks import checked_seed
 from seatrial.flight.disturbances import CALM, LIMITS, Outage, outage_rows, steepest_period
-from seatrial.identification.fitted import Fitted
-from seatrial.statistics.draws import checked_numbers, uniforms
+from seatrial.identification.fitted import Fitted, checked_numbers, uniforms
 from seatrial.verification.table import DistributionTable, VerificationTable, Waves
 
 if TYPE_CHECKING:

@@ -38,8 +38,8 @@ from seatrial.base.errors import CampaignError, VehicleError
 from seatrial.base.finding import Finding, Severity
 from seatrial.base.plain import Plain
 from seatrial.base.report import clause_of
-from seatrial.statistics import proportions
-from seatrial.statistics.proportions import FailureProbability
+from seatrial.statistics import failure_probability
+from seatrial.statistics.failure_probability import FailureProbability
 from seatrial.vehicle.actuators import NOMINAL_V
 from seatrial.verification.causes import Cause, Influence, find_causes_of_all
 from seatrial.verification.expression import KNOWN, PERCEIVED
@@ -94,7 +94,7 @@ class JudgedRequirement(
     worst: tuple[WorstMission, ...]
 
     @property
-    def verdict(self) -> proportions.Verdict:
+    def verdict(self) -> failure_probability.Verdict:
         """Held, failed or undecided."""
         return self.found.verdict(self.requirement.allowed)
 
@@ -106,7 +106,7 @@ class JudgedRequirement(
     @property
     def further_runs(self) -> int | None:
         """Missions that will probably decide it, 0 where it is decided, None where a billion do not."""
-        return proportions.further_runs(self.found, self.requirement.allowed)
+        return failure_probability.further_runs(self.found, self.requirement.allowed)
 
     @property
     def named_causes(self) -> tuple[Influence, ...]:

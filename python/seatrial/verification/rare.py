@@ -25,7 +25,7 @@ from seatrial.base.fleet import fleet_of, threads_of
 from seatrial.base.plain import Plain
 from seatrial.base.run import RunDirectory, RunResult, sha256, to_json
 from seatrial.base.work import HERE, Clock, Work
-from seatrial.statistics.draws import generator
+from seatrial.identification.fitted import generator
 from seatrial.statistics.subset_simulation import Population, RareEvent, importance, population, rare_event
 from seatrial.verification.chosen_missions import MissionSpace, searched
 from seatrial.verification.judgement import robustness, unusable

@@ -20,7 +20,7 @@ in the file             meaning
 ========================  ===============================================================
 
 Values are quantiles of given uniform numbers, so that a draw is a function of its number alone
-(`seatrial.statistics.draws`).
+(`seatrial.identification.fitted`).
 
 Tests: ``tests/verification/test_draws.py``, ``tests/campaign/test_verification_file.py``.
 """

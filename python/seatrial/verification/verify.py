@@ -47,9 +47,9 @@ from seatrial.base.plain import Plain
 from seatrial.base.report import clause_of, writer_of
 from seatrial.base.run import Content, RunResult, to_json
 from seatrial.flight.excesses import KINDS, Excess, excesses
-from seatrial.statistics import proportions
-from seatrial.statistics.multiple_testing import holm
-from seatrial.statistics.proportions import FailureProbability
+from seatrial.statistics import failure_probability
+from seatrial.statistics.failure_probability import FailureProbability
+from seatrial.statistics.significance import holm
 from seatrial.verification.chosen_missions import FlownCase
 from seatrial.verification.flown_missions import FlownMissions
 from seatrial.verification.judgement import JudgedRequirement
@@ -480,7 +480,7 @@ class Verification(RunResult):
         return tuple(dict.fromkeys(sentences))
 
     @property
-    def outcome(self) -> proportions.Verdict:
+    def outcome(self) -> failure_probability.Verdict:
         """Held where every requirement and regression case is, failed where any is, undecided otherwise.
 
         That all are held is wrong at most as often as a single one (Berger 1982, Technometrics 24:295): no

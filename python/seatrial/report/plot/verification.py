@@ -33,7 +33,7 @@ from seatrial.report.plot.track import (
     waypoints,
 )
 from seatrial.report.results.verification import odds, reserve
-from seatrial.statistics.proportions import FailureProbability, share, wilson
+from seatrial.statistics.failure_probability import FailureProbability, share, wilson
 from seatrial.verification.boundary import FailureBoundary
 
 if TYPE_CHECKING:

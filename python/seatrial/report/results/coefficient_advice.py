@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection, Sequence
 from seatrial.base.channels import AXES, MOTIONS, VELOCITIES
 from seatrial.base.report import listed
 from seatrial.diagnosis.roles import Manoeuvre, Role, Unexcited, manoeuvre, role
-from seatrial.problem.parameter import STRIPS
+from seatrial.problem.settings import STRIPS
 from seatrial.report.results.phrases import Formats, filled, templates
 
 _INCLINE = "do an inclining test (shift or hang on a known ballast and record the angle at rest)"

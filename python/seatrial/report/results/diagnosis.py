@@ -15,7 +15,7 @@ from seatrial.base.finding import Finding
 from seatrial.base.report import Table, listed
 from seatrial.diagnosis.identifiability import SETTINGS as IDENTIFIABILITY_SETTINGS
 from seatrial.diagnosis.missing_terms import SETTINGS, Suggestion
-from seatrial.problem.parameter import STRIPS
+from seatrial.problem.settings import STRIPS
 from seatrial.report.results import coefficient_advice as advice
 from seatrial.report.results.coefficient_advice import Clauses
 

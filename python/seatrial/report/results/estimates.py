@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 
 from seatrial.base.finding import Finding
 from seatrial.estimation.estimator import damping_model
-from seatrial.estimation.step import STEP_SETTINGS, StageStep, sound_digits
+from seatrial.estimation.segment_model import STEP_SETTINGS, StageStep, sound_digits
 from seatrial.identification.choice import CHOICE_SETTINGS, Choice, Evidence
 from seatrial.identification.estimate import Tally
 from seatrial.report.results.phrases import filled, templates

@@ -21,9 +21,8 @@ from seatrial.identification.estimate import (
     masses_of,
     plus_minus,
 )
-from seatrial.identification.held import HELD_SETTINGS, sentences
-from seatrial.identification.hold_out import replayed
 from seatrial.identification.identification import Identification, judged_score, pooled_score
+from seatrial.identification.preparation import HELD_SETTINGS, sentences
 from seatrial.inspect.feedback import EVENT_LIMITS
 from seatrial.report.results import diagnosis, estimates, trial_findings
 from seatrial.report.results.score import LIMITS, baseline_table, limit_text
@@ -529,7 +528,7 @@ def _score_table(fit: Identification) -> Table:
 
 def _replayed_words(fit: Identification) -> str:
     """Axes that every score replays from the recording, to add to a title; empty where there are none."""
-    axes = replayed(fit.problem)
+    axes = fit.problem.replayed
     return f"; {', '.join(MOTIONS[axis] for axis in axes)} replayed, not predicted" if axes else ""
 
 

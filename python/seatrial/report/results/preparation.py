@@ -12,9 +12,17 @@ from functools import singledispatch
 
 from seatrial.base.channels import MOTIONS
 from seatrial.base.report import listed
-from seatrial.estimation.homogeneity import LIFT, STATIC, THRUST, Homogeneity
 from seatrial.estimation.inputs import Combination, Dependence, InputJudgement
-from seatrial.estimation.scale import SCALE_SETTINGS, Factor, Implied, ScaleReport
+from seatrial.estimation.scale import (
+    LIFT,
+    SCALE_SETTINGS,
+    STATIC,
+    THRUST,
+    Factor,
+    Homogeneity,
+    Implied,
+    ScaleReport,
+)
 from seatrial.report.results.phrases import Phrases
 
 sentence = Phrases(

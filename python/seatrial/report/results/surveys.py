@@ -14,7 +14,7 @@ from functools import singledispatch
 from seatrial.base.finding import Finding
 from seatrial.base.report import Report, Section, Table
 from seatrial.report.results.flight_findings import doubting
-from seatrial.statistics.proportions import share
+from seatrial.statistics.failure_probability import share
 from seatrial.verification.boundary import FailureBoundary, RequirementBoundary
 from seatrial.verification.falsify import Falsification, FalsifiedRequirement
 from seatrial.verification.rare import SETTINGS as RARE_SETTINGS

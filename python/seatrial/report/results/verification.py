@@ -18,7 +18,7 @@ from seatrial.flight.excesses import Excess
 from seatrial.report.results.flight_findings import doubting, exceeded, excess_clauses
 from seatrial.report.results.junit import JUnitCase, junit_xml
 from seatrial.report.results.phrases import Phrases
-from seatrial.statistics.proportions import FailureProbability, further_runs, runs_needed, share
+from seatrial.statistics.failure_probability import FailureProbability, further_runs, runs_needed, share
 from seatrial.verification.causes import Influence
 from seatrial.verification.chosen_missions import FlownCase
 from seatrial.verification.judgement import JudgedRequirement

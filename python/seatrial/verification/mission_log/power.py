@@ -8,7 +8,7 @@ sizes (`seatrial.verification.mission_log.unknowns`), in the judged windows whol
 
 Least squares with the priors of the unknowns (Schur complements, window by window) give theta, a score test
 of each group. Its variance is that of the jackknife over windows or, where larger, that of white noise, with
-Satterthwaite's degrees of freedom, as in `seatrial.statistics.score_test`. With Student's t, sigma the
+Satterthwaite's degrees of freedom, as in `seatrial.statistics.significance`. With Student's t, sigma the
 deviation of theta, and a level shared by G groups (Holm) and, within a group, by whole windows and pieces, in
 each by all C channels together and by each of them alone,
 
@@ -40,7 +40,7 @@ import numpy as np
 from seatrial.base.arrays import Array
 from seatrial.base.channels import CHANNELS
 from seatrial.base.plain import Plain
-from seatrial.statistics.multiple_testing import holm
+from seatrial.statistics.significance import holm
 from seatrial.vehicle.actuators import actuator_groups
 from seatrial.verification.mission_log.unknowns import (
     UNKNOWNS_SETTINGS,

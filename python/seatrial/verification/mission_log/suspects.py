@@ -6,10 +6,11 @@ r and exact derivatives J are in units of a valid model's spread, without what t
 
     theta = (J'J)^-1 J'r,   gain = (J'r)' (J'J)^-1 (J'r) / r'r,
 
-its scatter by the jackknife over windows (`seatrial.statistics.score_test`). The best ones are then followed
-by Gauss-Newton steps with J held and the non-linear model simulated, and sorted by what they truly explain,
-less Akaike's share for each unknown. Candidates whose columns run alike (90 % of one's square lies in the
-span of the other's) cannot be told apart by the log and are named beside it. Beside the coefficients stand:
+its scatter by the jackknife over windows (`seatrial.statistics.significance`). The best ones are then
+followed by Gauss-Newton steps with J held and the non-linear model simulated, and sorted by what they truly
+explain, less Akaike's share for each unknown. Candidates whose columns run alike (90 % of one's square lies
+in the span of the other's) cannot be told apart by the log and are named beside it. Beside the coefficients
+stand:
 
 *An actuator that did not do what its commands say*: a jam, a lost propeller or a command that was not logged
 is no change of a coefficient; where the command says nothing, no gain explains a thrust. Each actuator in
@@ -49,7 +50,7 @@ from seatrial.base.finding import Finding, Severity
 from seatrial.base.plain import Plain
 from seatrial.base.report import clause_of
 from seatrial.statistics.linearisation import Linearisation, Piece
-from seatrial.statistics.score_test import ScoreTests, score_tests
+from seatrial.statistics.significance import ScoreTests, score_tests
 from seatrial.vehicle.actuators import actuator_groups
 from seatrial.verification.mission_log.spread import SPREAD_SETTINGS, PredictedLog, Slopes, Spread
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from seatrial.base.arrays import Array, Mask
 from seatrial.base.channels import CHANNELS
 from seatrial.base.frames import from_euler, matrix, shorter
-from seatrial.statistics.multiple_testing import holm
+from seatrial.statistics.significance import holm
 from seatrial.trial.trial import Trial
 from seatrial.verification.mission_log.spread import (
     SPREAD_SETTINGS,

@@ -1,6 +1,6 @@
 //! What an identified model left unexplained, as written in the vehicle file: the noise of its navigation filter.
 //!
-//! Estimated by `seatrial identify` (`python/seatrial/identification/noise_of_filter.py`); read by
+//! Estimated by `seatrial identify` (`python/seatrial/identification/hold_out.py`); read by
 //! [`Fitting::noise_of`](crate::control::navigation_filter::Fitting::noise_of).
 //!
 //! Tests: `tests/files.rs`, `tests/flight/test_navigation.py`.
