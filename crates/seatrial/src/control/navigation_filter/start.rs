@@ -85,8 +85,11 @@ impl<T: Real> NavigationFilter<T> {
         let many = T::both(one.lt(wild), self.begun());
         self.doubted = T::select(many, self.doubted + elapsed, zero);
         let oldest = self.silent[3].max(self.silent[4]).max(self.silent[5]);
-        let seen = T::both(self.patience.lt(self.age), oldest.lt(zero.splat(RECENT)));
-        let lost = T::both(zero.splat(DOUBTED).lt(self.doubted), seen);
+        // Sums of periods reach a limit half a period early: their last digit, of another number type another one, would
+        // otherwise decide whether it is this period or the next.
+        let half = 0.5 * elapsed;
+        let seen = T::both((self.patience - half).lt(self.age), oldest.lt(zero.splat(RECENT + half)));
+        let lost = T::both(zero.splat(DOUBTED - half).lt(self.doubted), seen);
         if !T::any(lost) {
             return;
         }
@@ -95,7 +98,7 @@ impl<T: Real> NavigationFilter<T> {
         self.stay(lost, UNNOTICED);
         for channel in 0..self.first.len() {
             // A fix of long ago is that of another place; the start keeps the estimate.
-            let old = T::both(lost, zero.splat(RECENT).lt(self.silent[channel]));
+            let old = T::both(lost, zero.splat(RECENT + half).lt(self.silent[channel]));
             self.first[channel] = T::select(old, zero.splat(f64::NAN), self.first[channel]);
         }
         self.try_to_begin(lost);
