@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import seatrial as st
-from seatrial.flight.mismatch import made_for, mismatch, tuned_for
+from seatrial.flight.checks import made_for, mismatch, tuned_for
 from seatrial.report.results.flight_findings import problem
 from tests.flight.flying import OUT
 

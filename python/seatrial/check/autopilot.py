@@ -31,7 +31,7 @@ from seatrial.control_design.operating_points import (
     top_speeds,
 )
 from seatrial.control_design.start_autopilot import least_lookahead_of, lookahead_share
-from seatrial.flight.mismatch import mismatch
+from seatrial.flight.checks import mismatch
 from seatrial.vehicle.actuators import LOOPS, NOMINAL_V, ROWS, reach, thrusts
 from seatrial.vehicle.stability import statics
 from seatrial.vehicle.steady_state import turning_radius

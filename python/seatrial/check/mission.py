@@ -27,7 +27,7 @@ from seatrial.base.report import clause_of, report_of
 from seatrial.check.file_check import FileCheck, note, warning
 from seatrial.check.legs import LegRow, fence_findings, leg_rows, turn_findings
 from seatrial.control_design.operating_points import AutopilotFacts, autopilot_facts, mode_at
-from seatrial.flight.mismatch import mismatch
+from seatrial.flight.checks import mismatch
 from seatrial.vehicle.actuators import NOMINAL_V, commandable
 from seatrial.vehicle.steady_state import cruise, drivers, top_speed, turning_radius, unbounded
 

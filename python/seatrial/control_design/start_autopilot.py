@@ -61,7 +61,7 @@ from seatrial.control_design.operating_points import (
     mode_trim,
 )
 from seatrial.control_design.start_gains import LoopStart, StartGains, start_gains, three_digits
-from seatrial.flight.mismatch import started_for
+from seatrial.flight.checks import started_for
 from seatrial.vehicle.actuators import LOOPS, ROWS, Delay, reach
 from seatrial.vehicle.steady_state import turning_radius
 

@@ -31,6 +31,7 @@ from seatrial.flight.checks import (
     checked_seed,
     checked_turbulence,
     checked_vector,
+    mismatch,
 )
 from seatrial.flight.conditions import CALM, PLAIN, Conditions, Water
 from seatrial.flight.disturbances import Fault, Outage
@@ -49,7 +50,6 @@ from seatrial.flight.metrics import (
     loops_of,
     metrics_of,
 )
-from seatrial.flight.mismatch import mismatch
 from seatrial.flight.mission import Mission
 from seatrial.flight.payload import Payload, sampled
 

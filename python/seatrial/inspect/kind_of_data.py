@@ -83,7 +83,7 @@ class KindOfData:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What spoils the data, the worst first, with what to do about it."""
-        return tuple(wording("kind_of_data").warnings(self))
+        return tuple(wording("trial_findings").warnings(self))
 
     @property
     def weak(self) -> tuple[Excitation, ...]:
@@ -98,7 +98,7 @@ class KindOfData:
     @property
     def done(self) -> str:
         """What was done and what moved, in a sentence."""
-        return str(wording("kind_of_data").done(self))
+        return str(wording("trial_findings").done(self))
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -204,7 +204,7 @@ class Excitation:
     @property
     def sentence(self) -> str:
         """Size, noise and main band in words."""
-        return str(wording("kind_of_data").excitation(self))
+        return str(wording("trial_findings").excitation(self))
 
 
 @dataclass(frozen=True)
@@ -238,7 +238,7 @@ class Contact(Plain, without="values", also="sentence"):
     @property
     def sentence(self) -> str:
         """Where it was pushed and did not move, and what may have held it."""
-        return str(wording("kind_of_data").contact(self))
+        return str(wording("trial_findings").contact(self))
 
 
 def excitation(trial: Trial) -> list[Excitation]:
@@ -403,7 +403,7 @@ class TrialWindows(Plain, without="why driven", also="sentence"):
     @property
     def sentence(self) -> str:
         """What to hold out and why, in words."""
-        return str(wording("kind_of_data").windows(self))
+        return str(wording("trial_findings").windows(self))
 
 
 def windows(trial: Trial, sequence: Sequence[Manoeuvre]) -> TrialWindows:

@@ -108,7 +108,7 @@ class Manoeuvre(Plain, without="values", also="sentence"):
     @property
     def sentence(self) -> str:
         """All of it in words."""
-        return str(wording("kind_of_data").manoeuvre(self))
+        return str(wording("trial_findings").manoeuvre(self))
 
 
 def drives(trial: Trial, vehicle: Vehicle | None = None) -> list[Drive]:

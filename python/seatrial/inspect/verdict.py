@@ -115,7 +115,7 @@ class Verdict:
     @property
     def trial(self) -> str:
         """The trial that tells a dominated axis; empty where none is needed."""
-        return str(wording("kind_of_data").TRIAL) if self.dominated else ""
+        return str(wording("trial_findings").TRIAL) if self.dominated else ""
 
     @property
     def sentence(self) -> str:
@@ -125,7 +125,7 @@ class Verdict:
     @property
     def why(self) -> str:
         """The verdict with its evidence."""
-        return str(wording("kind_of_data").verdict(self))
+        return str(wording("trial_findings").verdict(self))
 
 
 def judge(trials: Sequence[Trial], vehicle: Vehicle) -> dict[str, Verdict]:

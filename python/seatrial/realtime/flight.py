@@ -25,9 +25,9 @@ from seatrial.base.report import Reported, clause_of
 from seatrial.base.run import RunDirectory, run_facts, sha256, to_json
 from seatrial.base.toml_file import loaded
 from seatrial.base.work import Clock, takes
+from seatrial.flight.checks import mismatch
 from seatrial.flight.conditions import CALM, PLAIN, Conditions, Water, used_only
 from seatrial.flight.excesses import too_deep
-from seatrial.flight.mismatch import mismatch
 from seatrial.flight.mission import Mission
 from seatrial.flight.sensor_channels import sensors_of
 from seatrial.realtime.hardware import Hardware, HardwareFacts, udp_hardware

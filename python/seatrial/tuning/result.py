@@ -20,7 +20,7 @@ from seatrial.base.files import parquet
 from seatrial.base.plain import Plain, plain
 from seatrial.base.run import RunResult, to_json
 from seatrial.control_design.tuning_table import LOOPS
-from seatrial.flight.mismatch import tuned_for
+from seatrial.flight.checks import tuned_for
 from seatrial.tuning.criterion import step_metrics
 from seatrial.tuning.objective import SETTINGS as OBJECTIVE_SETTINGS
 from seatrial.tuning.objective import violated
@@ -199,7 +199,7 @@ def tuned_autopilot(
     start: Autopilot, gains: Mapping[str, float], name: str, origin: str, vehicle: str
 ) -> Autopilot:
     """The autopilot with other gains, four digits each, under a name that says where they come from and a
-    description that says for which vehicle (`seatrial.flight.mismatch`).
+    description that says for which vehicle (`seatrial.flight.checks`).
     """
     rounded = {name: float(f"{value:.{_DIGITS}g}") for name, value in gains.items()}
     tuned = start.with_gains(rounded) if rounded else start

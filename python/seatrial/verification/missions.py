@@ -32,10 +32,10 @@ from seatrial.base.finding import Finding
 from seatrial.base.report import clause_of
 from seatrial.base.work import Clock, Progress
 from seatrial.flight.cases import Cases
+from seatrial.flight.checks import mismatch
 from seatrial.flight.conditions import Conditions, Water
 from seatrial.flight.disturbances import Fault, Outage, SeaState
 from seatrial.flight.flight import Flight
-from seatrial.flight.mismatch import mismatch
 from seatrial.identification.fitted import Fitted
 from seatrial.verification.draws import Draws, draw_missions
 from seatrial.verification.expression import KNOWN
