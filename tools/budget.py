@@ -20,16 +20,16 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "python" / "seatrial"
 
 LIMITS = {
-    "Python files": 381,
-    "Python lines": 115_100,
+    "Python files": 300,
+    "Python lines": 107_900,
     "modules that import the campaign": 13,
-    "lines that build text below the verbs": 4_300,
-    "functions over 8 parameters": 30,
+    "lines that build text below the verbs": 3_870,
+    "functions over 8 parameters": 15,
     "parameters of the widest function": 16,
     "numeric constants of modules": 215,
     "numeric constants of modules without a reason": 0,
-    "comment lines per 1,000 lines of long functions, at least": 28,
-    "bindings named by a pronoun or a participle": 241,
+    "comment lines per 1,000 lines of long functions, at least": 34,
+    "bindings named by a pronoun or a participle": 152,
     "words of documentation": 89_260,
 }
 """Beyond these the build fails."""

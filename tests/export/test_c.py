@@ -228,8 +228,9 @@ def test_an_autopilot_fits_into_the_flash_of_a_small_processor(exported: st.CExp
         ran(["arm-none-eabi-size", "size.o"], folder=exported.folder).stdout.splitlines()[1].split()[0]
     )
     print(f"autopilot of cwolf, single precision: {flash} bytes")
-    # Written out, without functions for what repeats, it is 57,000; another compiler may take a tenth more.
-    assert flash < 40_000
+    # gcc 12.2 takes 71,000, half of it to screen samples, compare sensors and judge actuators; another may
+    # take a tenth more.
+    assert flash < 78_000
 
 
 @pytest.mark.long
