@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -26,10 +26,8 @@ from seatrial.inspect.verdict import SETTINGS as VERDICT_SETTINGS
 from seatrial.inspect.verdict import Verdict, best
 from seatrial.inspect.waves import waves
 from seatrial.problem.problem import Problem
-from seatrial.problem.settings import JointSettings
+from seatrial.problem.settings import JointSettings, Method
 from seatrial.statistics.linearisation import Linearisation
-
-Method = Literal["output", "innovations"]
 
 
 @dataclass(frozen=True)
@@ -39,18 +37,31 @@ class Comparison:
     ``simulates``: segments are simulated freely and independently, so that a part of them leads the way, a
     trial may have a force of its own, and held-out data are predicted by a replay of their commands.
     ``models_noise``: the noises are estimated along, so that it takes long records, has a likelihood and
-    states of a filter, and tells in part what feedback hides.
+    states of a filter, and tells in part what feedback hides. ``estimator``: module and class that compare
+    so, an `Estimator`.
     """
 
     method: Method
     simulates: bool
     models_noise: bool
+    estimator: str
 
 
 COMPARISONS: dict[Method, Comparison] = {
-    "output": Comparison("output", simulates=True, models_noise=False),
-    "innovations": Comparison("innovations", simulates=False, models_noise=True),
+    "output": Comparison(
+        "output",
+        simulates=True,
+        models_noise=False,
+        estimator="seatrial.estimation.joint_estimate:OutputError",
+    ),
+    "innovations": Comparison(
+        "innovations",
+        simulates=False,
+        models_noise=True,
+        estimator="seatrial.estimation.joint_estimate:PredictionError",
+    ),
 }
+"""By its name in a campaign; another way is its own file, a row here and a name in `Method`."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +85,7 @@ def method_of(problem: Problem, trials: Sequence[str]) -> ByItself:
     asked = problem.joint
     if asked is None:  # standard deviations only
         return ByItself("output", "")
-    if asked.method == "innovations":
+    if asked.method != "automatic" and asked.method != "output":
         return ByItself(asked.method, "the campaign asks for it")
     if fled := _runs_away(problem, asked, trials):
         if asked.method == "automatic" and not asked.nuisances:

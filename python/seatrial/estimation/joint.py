@@ -23,7 +23,7 @@ from seatrial._core import Vehicle
 from seatrial.base.arrays import Array, Mask, runs
 from seatrial.base.channels import AXES, CHANNELS
 from seatrial.estimation.descent import velocity_noise
-from seatrial.estimation.estimator import COMPARISONS, ByItself, Comparison, Method, NoiseModel, method_of
+from seatrial.estimation.estimator import COMPARISONS, ByItself, Comparison, NoiseModel, method_of
 from seatrial.estimation.segment_model import SegmentModel, cut, stage_step, unfit_trials
 from seatrial.problem.parameter import (
     Parameter,
@@ -33,7 +33,7 @@ from seatrial.problem.parameter import (
     nuisances,
     parameters,
 )
-from seatrial.problem.settings import JointSettings, Stage
+from seatrial.problem.settings import JointSettings, Method, Stage
 from seatrial.scoring.record import Segment, restarted
 from seatrial.statistics.linearisation import Unknown
 from seatrial.trial.trial import Trial

@@ -26,6 +26,7 @@ Tests: ``tests/estimation/test_polish.py``, ``tests/estimation/test_innovations.
 from __future__ import annotations
 
 import contextlib
+import importlib
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -36,7 +37,7 @@ from seatrial.base.arrays import Array
 from seatrial.base.errors import CampaignError
 from seatrial.base.finding import is_numerical
 from seatrial.base.work import Step
-from seatrial.estimation.estimator import Estimator, Horizon, LogAlone, Method, OtherDamping, Polished
+from seatrial.estimation.estimator import Estimator, Horizon, LogAlone, OtherDamping, Polished
 from seatrial.estimation.gauss_newton import INITIALS, GaussNewton, ran_away
 from seatrial.estimation.innovations import Innovations
 from seatrial.estimation.joint import Joint
@@ -504,15 +505,11 @@ class PredictionError:
         return False
 
 
-_ESTIMATORS: dict[Method, Callable[[Joint], Estimator]] = {
-    "output": OutputError,
-    "innovations": PredictionError,
-}
-
-
 def estimator(joint: Joint) -> Estimator:
     """The estimator of a joint estimate, by its method."""
-    return _ESTIMATORS[joint.method](joint)
+    module, name = joint.comparison.estimator.split(":")
+    made: Estimator = getattr(importlib.import_module(module), name)(joint)
+    return made
 
 
 def polish(

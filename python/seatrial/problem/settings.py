@@ -281,6 +281,10 @@ class Nuisance(Section):
     """Trials that have it."""
 
 
+Method = Literal["output", "innovations"]
+"""Ways to compare with the log; `seatrial.estimation.estimator.COMPARISONS` has what each can do and does."""
+
+
 class JointSettings(Section):
     """The joint estimate after the stages: every coefficient, trial and nuisance parameter at once.
 
@@ -340,7 +344,7 @@ class JointSettings(Section):
     proposal_rounds: Annotated[int, Field(strict=True, ge=0)] = 0
     """With a simulation compared: most rounds in which what the residuals ask for is tried, and kept where it
     predicts parts better that it has not seen."""
-    method: Literal["automatic", "output", "innovations"] = "automatic"
+    method: Literal["automatic", Method] = "automatic"
     """What is compared with the log: a simulation of each segment, or predictions of a filter, without
     ``nuisances``; ``"automatic"`` chooses."""
     horizon_s: Annotated[float, Field(strict=True, ge=0)] = 0.0
