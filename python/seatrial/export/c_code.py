@@ -74,11 +74,21 @@ class Programs:
 
 @dataclass(frozen=True, repr=False)
 class CExport(Reported):
-    """Files that were written, and the programs in them."""
+    """Files that were written, and the programs in them.
 
-    programs: Programs  #: The programs.
-    folder: Path  #: Where they are.
-    files: list[Path] = field(default_factory=list)  #: Headers and sources.
+    Attributes
+    ----------
+    programs
+        The programs.
+    folder
+        Where they are.
+    files
+        Headers and sources.
+    """
+
+    programs: Programs
+    folder: Path
+    files: list[Path] = field(default_factory=list)
 
     def to_dict(self) -> dict[str, Any]:
         """Files, operations and the numbers of the interfaces as plain data."""

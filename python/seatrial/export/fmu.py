@@ -55,13 +55,27 @@ _MOST_SAMPLES = 1000  # parameter sets in a unit: each is a row of its source
 
 @dataclass(frozen=True, repr=False)
 class FmuExport(Reported):
-    """Units that were written."""
+    """Units that were written.
 
-    files: list[Path]  #: The units.
-    programs: Programs  #: What is in them.
-    compiler: str  #: The C compiler that built their binaries; empty where they hold sources only.
-    samples: int  #: Vehicles of the covariance among the parameter sets.
-    binary: bool = True  #: Whether a binary was asked for.
+    Attributes
+    ----------
+    files
+        The units.
+    programs
+        What is in them.
+    compiler
+        The C compiler that built their binaries; empty where they hold sources only.
+    samples
+        Vehicles of the covariance among the parameter sets.
+    binary
+        Whether a binary was asked for.
+    """
+
+    files: list[Path]
+    programs: Programs
+    compiler: str
+    samples: int
+    binary: bool = True
 
     def to_dict(self) -> dict[str, Any]:
         """Files, compiler and interfaces as plain data."""

@@ -69,25 +69,48 @@ class ImportedTrial:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Imported(Reported):
-    """What an import made of some logs."""
+    """What an import made of some logs.
 
-    folder: Path | None  #: The project; None where nothing was written.
-    survey: Survey  #: Every topic and field.
-    columns: Mapping[str, Column]  #: The map by canonical column (actuators as cmd.<actuator>).
-    trials: tuple[ImportedTrial, ...]  #: In the order of the campaign.
-    #: The vehicle, None while its file is a stub; `vehicle_source` says where it comes from and
-    #: `vehicle_certain` whether the log or the user says so.
+    Attributes
+    ----------
+    folder
+        The project; None where nothing was written.
+    survey
+        Every topic and field.
+    columns
+        The map by canonical column (actuators as cmd.<actuator>).
+    trials
+        In the order of the campaign.
+    vehicle
+        The vehicle, None while its file is a stub; `vehicle_source` says where it comes from and
+        `vehicle_certain` whether the log or the user says so.
+    reversed_thrusters
+        Those that push against the built-in vehicle's direction; the vehicle file says so.
+    unmatched
+        Actuators of the vehicle without a command.
+    map_source
+        The file of the map, or "proposed".
+    twice
+        Delays that the map's clocks remove and the edited campaign, too.
+    refused
+        Recordings that made no trial, and why.
+    kept
+        Files of the project that were edited since the last import and left as they are.
+    """
+
+    folder: Path | None
+    survey: Survey
+    columns: Mapping[str, Column]
+    trials: tuple[ImportedTrial, ...]
     vehicle: Vehicle | None
     vehicle_source: str
     vehicle_certain: bool
-    #: Those that push against the built-in vehicle's direction; the vehicle file says so.
     reversed_thrusters: tuple[str, ...]
-    unmatched: tuple[str, ...]  #: Actuators of the vehicle without a command.
-    refused: tuple[str, ...]  #: Recordings that made no trial, and why.
-    #: Files of the project that were edited since the last import and left as they are.
+    unmatched: tuple[str, ...]
+    refused: tuple[str, ...]
     kept: tuple[str, ...]
-    map_source: str  #: The file of the map, or "proposed".
-    twice: tuple[str, ...] = ()  #: Delays that the map's clocks remove and the edited campaign, too.
+    map_source: str
+    twice: tuple[str, ...] = ()
 
     def summary(self) -> str:
         """The report as text."""

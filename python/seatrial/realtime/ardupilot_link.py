@@ -135,28 +135,43 @@ class SitlSession(
     only="vehicle=mapping.vehicle.name ended frames lost resets ignored simulated_s wall_s steps_per_s"
     " slowest_step_s rate_hz channels notes",
 ):
-    """What happened on the link."""
+    """What happened on the link.
 
-    mapping: ChannelMap  #: What flew, and where its pulses came from.
-    ended: str  #: "idle", "interrupted", "diverged" or "frames": why it ended.
-    #: `frames`, `lost`, `resets`: packets that were answered by a step, frames that were missing
-    #: between them, new beginnings.
+    Attributes
+    ----------
+    mapping
+        What flew, and where its pulses came from.
+    ended
+        "idle", "interrupted", "diverged" or "frames": why it ended.
+    frames, lost, resets
+        Packets that were answered by a step, frames that were missing between them, new beginnings.
+    ignored
+        Packets that were passed over, by why: short, long, magic, rate, pulse, late, duplicate, stranger.
+    simulated_s, wall_s, busy_s
+        Time of the physics, of the clock, and spent on steps and answers.
+    slowest_step_s
+        Longest time between a packet and its answer.
+    rate_hz
+        Frames per second that the peer asked for last.
+    rows
+        Log: time, position, roll pitch yaw, nu, then commands by actuator, SI.
+    notes
+        What was mapped and what not.
+    """
+
+    mapping: ChannelMap
+    ended: str
     frames: int
     lost: int
     resets: int
-    #: Packets that were passed over, by why: short, long, magic, rate, pulse, late, duplicate,
-    #: stranger.
     ignored: Mapping[str, int]
-    #: `simulated_s`, `wall_s`, `busy_s`: time of the physics, of the clock, and spent on steps and
-    #: answers.
     simulated_s: float
     wall_s: float
     busy_s: float
-    slowest_step_s: float  #: Longest time between a packet and its answer.
-    rate_hz: int  #: Frames per second that the peer asked for last.
-    #: Log: time, position, roll pitch yaw, nu, then commands by actuator, SI.
+    slowest_step_s: float
+    rate_hz: int
     rows: Sequence[Sequence[float]] = ()
-    notes: Sequence[str] = ()  #: What was mapped and what not.
+    notes: Sequence[str] = ()
 
     @property
     def steps_per_s(self) -> float:

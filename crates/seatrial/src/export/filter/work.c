@@ -159,6 +159,8 @@ static void stay(FILTER_state *s, real unknown)
 static void regain(const FILTER_parameters *p, const FILTER_constants *k, FILTER_state *s)
 {
     static const int boxes[21] = { 0, 0, 1, 2, 2, 2, 3, 3, 3, 2, 2, 2, 4, 3, 3, 3, 0, 0, 0, 0, 0 };
+    /* A sum of periods reaches a limit half a period early: its last digit would else decide the period. */
+    const FILTER_real half = R(0.5) * PERIOD;
     int wild[6] = { 0, 0, 0, 0, 0, 0 };
     int count = 0;
     int i;
@@ -174,8 +176,8 @@ static void regain(const FILTER_parameters *p, const FILTER_constants *k, FILTER
         count += wild[i];
     }
     s->doubted = ((s->begun != 0) && (count > 1)) ? (s->doubted + PERIOD) : R(0.0);
-    if ((s->doubted <= DOUBTED) || (s->age <= s->patience)
-        || (LARGER(LARGER(s->silent[3], s->silent[4]), s->silent[5]) >= RECENT))
+    if ((s->doubted <= (DOUBTED - half)) || (s->age <= (s->patience - half))
+        || (LARGER(LARGER(s->silent[3], s->silent[4]), s->silent[5]) >= (RECENT + half)))
     {
         return;
     }
@@ -184,7 +186,7 @@ static void regain(const FILTER_parameters *p, const FILTER_constants *k, FILTER
     stay(s, UNNOTICED);
     for (i = 0; i < FILTER_CHANNELS; i++)
     {
-        if (s->silent[i] > RECENT)
+        if (s->silent[i] > (RECENT + half))
         {
             s->first[i] = R(NAN);
         }
