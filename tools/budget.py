@@ -21,7 +21,7 @@ PACKAGE = ROOT / "python" / "seatrial"
 
 LIMITS = {
     "Python files": 300,
-    "Python lines": 107_900,
+    "Python lines": 107_950,
     "modules that import the campaign": 13,
     "lines that build text below the verbs": 3_870,
     "functions over 8 parameters": 15,
