@@ -87,7 +87,7 @@ impl<T: Real> NavigationFilter<T> {
         let oldest = self.silent[3].max(self.silent[4]).max(self.silent[5]);
         // Sums of periods reach a limit half a period early: their last digit, of another number type another one, would
         // otherwise decide whether it is this period or the next.
-        let half = 0.5 * elapsed;
+        let half = 0.5 * self.fitting.period;
         let seen = T::both((self.patience - half).lt(self.age), oldest.lt(zero.splat(RECENT + half)));
         let lost = T::both(zero.splat(DOUBTED - half).lt(self.doubted), seen);
         if !T::any(lost) {
